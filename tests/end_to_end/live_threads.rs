@@ -64,6 +64,7 @@ impl Live {
             Message::Ack(ack) => self.durable_batch = Some(ack.durable_batch),
             Message::FeedChange(change) => self.changes.push(change),
             Message::CommandRefused(refused) => panic!("nothing was commanded: {refused:?}"),
+            Message::SpindleRequest(request) => panic!("no spindle speed was decided: {request:?}"),
             Message::Ended(ended) => return Some(ended),
             Message::Started(started) => panic!("a second start {started:?}"),
         }

@@ -34,6 +34,7 @@ mod overrides;
 mod replicas;
 mod setpoints;
 mod shop_floor;
+mod spindle_changes;
 mod status;
 mod strangers;
 mod streaming;

@@ -5,8 +5,8 @@ use feedwave_contract::proto::run_response::Message;
 use feedwave_contract::proto::run_start::Target;
 use feedwave_contract::proto::runs_client::RunsClient;
 use feedwave_contract::proto::{
-    RunCommand, RunCommandKind, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest, RunResponse, RunSettings,
-    RunStart, RunStarted,
+    Decision, RunCommand, RunCommandKind, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest, RunResponse,
+    RunSettings, RunSpindleRequest, RunStart, RunStarted,
 };
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -28,6 +28,10 @@ pub struct LiveClient {
     pub next_index: u64,
     /// Bits of the setpoints received, setpoint by setpoint.
     pub setpoints: Vec<Vec<u64>>,
+    /// Decisions received.
+    pub decisions: Vec<Decision>,
+    /// Changes of the spindle speed that were requested.
+    pub spindle_requests: Vec<RunSpindleRequest>,
 }
 
 impl LiveClient {
@@ -60,7 +64,8 @@ impl LiveClient {
         match patiently(responses.message()).await?.and_then(|response| response.message) {
             Some(Message::Started(started)) => {
                 let changes = started.feed_changes.clone();
-                Ok(Self { requests, responses, started, changes, next_index, setpoints: Vec::new() })
+                let (setpoints, decisions, spindle_requests) = (Vec::new(), Vec::new(), Vec::new());
+                Ok(Self { requests, responses, started, changes, next_index, setpoints, decisions, spindle_requests })
             }
             other => panic!("a run begins with its start, not with {other:?}"),
         }
@@ -99,7 +104,9 @@ impl LiveClient {
             }
             Message::FeedChange(change) => self.changes.push(change),
             Message::Ended(ended) => return Ok(Some(ended)),
-            Message::Ack(_) | Message::Decision(_) | Message::CommandRefused(_) | Message::Started(_) => {}
+            Message::Decision(decision) => self.decisions.push(decision),
+            Message::SpindleRequest(request) => self.spindle_requests.push(request),
+            Message::Ack(_) | Message::CommandRefused(_) | Message::Started(_) => {}
         }
         Ok(None)
     }

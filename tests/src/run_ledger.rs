@@ -183,6 +183,7 @@ impl RunLedger {
             Message::Ack(ack) => self.durable_batch = Some(ack.durable_batch),
             Message::FeedChange(change) => self.changes.push(change),
             Message::CommandRefused(refused) => panic!("nothing was commanded: {refused:?}"),
+            Message::SpindleRequest(request) => panic!("no spindle speed was decided: {request:?}"),
             Message::Ended(ended) => {
                 let finished = (RunState::Finished, self.setpoints.len() as u64);
                 assert_eq!((ended.state(), ended.setpoint_count), finished);

@@ -15,7 +15,7 @@ mod shared;
 pub use frame::interpretation::{Interpretation, InterpretationStep};
 pub use frame::pipeline::{
     AppendError, DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange,
-    Pipeline, PipelineConfig, SnapshotError, Step,
+    Pipeline, PipelineConfig, SnapshotError, SpindleChange, SpindleChangeError, Step,
 };
 pub use frame::profile::{
     MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS,
@@ -25,6 +25,7 @@ pub use frame::report::{
     AxisLimitTimes, AxisSummary, LimitTimes, PathDeviation, PeakPlace, ProgramSummary, Slowdown, SlowdownCause,
     SlowdownCure, ValidationReport,
 };
+pub use frame::spindle_trial::{SpindleTrial, TrialStep};
 pub use frame::tool_path::{GuidedCuts, PathPoint, ToolMotion, ToolPath, ToolPathSink};
 pub use frame::validation::Validation;
 pub use functions::path_vibration::*;

@@ -1,5 +1,6 @@
 //! What goes into the monitor: batches of columns, and events between them.
 
+use crate::decision::SpindleAnswer;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -125,6 +126,28 @@ pub enum Event {
     /// The operator resumes the cut whose feed an escalation holds: it goes on with the lower feed bound, or what the
     /// operator has set since. Without effect where nothing is held.
     Resume,
+    /// The machine answers a decision on the spindle speed.
+    SpindleAnswer {
+        /// Number of the decision.
+        decision: u64,
+        /// What it answers.
+        answer: SpindleAnswer,
+    },
+    /// A planned change of the spindle speed has come to its place, where it may be: the machine is asked now. Without effect
+    /// where none is planned.
+    SpindlePlace {
+        /// First setpoint at the speed; `None`: the place is not reached after all.
+        setpoint_index: Option<u64>,
+        /// The speed there, rev/min, where it is one.
+        rev_per_min: Option<f64>,
+    },
+    /// What follows cannot be cut at a spindle speed, the planned one or the present one.
+    SpindleUnfit {
+        /// The override that was judged.
+        spindle: f64,
+        /// First setpoint of what was judged.
+        setpoint_index: u64,
+    },
     /// The clock of the sensors shows this time in ns: notices silence and stale stamps.
     Clock(u64),
 }

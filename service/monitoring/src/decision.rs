@@ -135,6 +135,79 @@ pub enum Evidence {
         /// Length of the silence that was tolerated, ns.
         tolerated_ns: u64,
     },
+    /// The machine's answer to a decision on the spindle speed.
+    SpindleAnswer {
+        /// Number of the decision.
+        decision: u64,
+        /// What it answers.
+        answer: SpindleAnswer,
+        /// The request it belongs to; `None` where no such answer is waited for.
+        request: Option<SpindleRequest>,
+    },
+    /// What follows cannot be cut at a spindle speed: a condition would no longer hold.
+    SpindleUnfit {
+        /// The override that was judged.
+        spindle: f64,
+        /// First setpoint of what was judged.
+        setpoint_index: u64,
+    },
+}
+
+/// What the machine answers to a decision on the spindle speed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum SpindleAnswer {
+    /// It will set the speed.
+    Accepted,
+    /// The spindle turns at the speed.
+    Reached {
+        /// Since then, on the sensors' clock, ns.
+        time_ns: Option<u64>,
+        /// As it was measured, rev/min.
+        rev_per_min: Option<f64>,
+    },
+    /// It will not set the speed.
+    Refused,
+}
+
+/// A change of the spindle speed that a decision requested and that was not answered to the end.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SpindleRequest {
+    /// Number of the decision.
+    pub decision: u64,
+    /// Override requested.
+    pub spindle: f64,
+    /// Override before.
+    pub from: f64,
+    /// Whether the machine has accepted it.
+    pub accepted: bool,
+    /// First setpoint at the speed, once a planned change has come to its place.
+    pub setpoint_index: Option<u64>,
+    /// The speed there, rev/min, where it is one.
+    pub rev_per_min: Option<f64>,
+}
+
+impl SpindleRequest {
+    /// Share by which a measured speed may differ from the one requested to be reached.
+    pub const TOLERANCE: f64 = 0.01;
+
+    /// Whether a measured speed, rev/min, is the one requested.
+    #[must_use]
+    pub fn is_reached_at(&self, measured_rev_per_min: f64) -> bool {
+        self.rev_per_min.is_none_or(|wanted| (measured_rev_per_min - wanted).abs() <= Self::TOLERANCE * wanted)
+    }
+}
+
+/// How changes of the spindle speed come into force, and what is known of the last one.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SpindlePlan {
+    /// Whether changes are planned for a place between sections, and in force once the machine has reached the speed;
+    /// otherwise they are in force as they are decided.
+    pub planned: bool,
+    /// The request in progress.
+    pub request: Option<SpindleRequest>,
+    /// Override that was refused last, by the machine or because conditions would no longer hold: not requested again until the
+    /// programmed speed, the tool or the override has changed.
+    pub refused: Option<f64>,
 }
 
 /// Everything the decision depends on.
@@ -156,12 +229,15 @@ pub struct Inputs {
     pub windows_at_bound: u32,
     /// Whether an escalation holds the feed.
     pub held: bool,
+    /// How a change of the spindle speed would come into force.
+    pub spindle: SpindlePlan,
 }
 
 /// What is to be done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Action {
-    /// Nothing: all is as it should be, or a bound is reached.
+    /// The overrides stay: all is as it should be, a bound is reached, or a change of the spindle speed is planned
+    /// ([`Outcome::planned_spindle`]).
     Keep,
     /// The overrides change to the new values.
     Change,
@@ -210,6 +286,16 @@ pub enum Reason {
     AboveLimitAtBound,
     /// The feed is held since an escalation.
     FeedHeld,
+    /// The machine accepts the spindle speed.
+    SpindleAccepted,
+    /// The machine has reached the spindle speed.
+    SpindleReached,
+    /// The machine refuses the spindle speed.
+    SpindleRefused,
+    /// The machine answers what it was not asked, or answers too early.
+    SpindleNotAsked,
+    /// A condition would no longer hold at the spindle speed.
+    SpindleUnfit,
 }
 
 /// Which bound of an override was hit.
@@ -234,6 +320,8 @@ pub struct Outcome {
     pub feed_bound: Option<Bound>,
     /// Bound of the spindle override that was hit.
     pub spindle_bound: Option<Bound>,
+    /// Spindle override that is to be in force from the next place on where that is possible.
+    pub planned_spindle: Option<f64>,
 }
 
 /// One record: number, place and time, inputs, outcome.
@@ -251,6 +339,8 @@ pub struct Decision {
     pub inputs: Inputs,
     /// What came out.
     pub outcome: Outcome,
+    /// What else is to be known of it, for people; nothing depends on it.
+    pub note: String,
 }
 
 impl Decision {
@@ -266,8 +356,14 @@ impl Decision {
 /// limit at the lower feed bound escalates; then the spindle rule, which scales the feed so that the feed per edge
 /// stays; the feed rule only when the spindle rule changes nothing.
 pub fn decide(inputs: &Inputs) -> Outcome {
-    let outcome =
-        |action, reason| Outcome { action, reason, after: inputs.before, feed_bound: None, spindle_bound: None };
+    let outcome = |action, reason| Outcome {
+        action,
+        reason,
+        after: inputs.before,
+        feed_bound: None,
+        spindle_bound: None,
+        planned_spindle: None,
+    };
     match inputs.evidence {
         Evidence::ToolCheck { least, most, max_ratio, max_run_out } => {
             if (0..2).all(|axis| runs_true(least[axis], most[axis], max_ratio, max_run_out)) {
@@ -286,13 +382,59 @@ pub fn decide(inputs: &Inputs) -> Outcome {
             Fallback::Full if inputs.held => outcome(Action::Hold, Reason::FeedHeld),
             Fallback::Full if inputs.threading => outcome(Action::Hold, Reason::Threading),
             Fallback::Full if inputs.before != Overrides::FULL => {
-                Outcome { after: Overrides::FULL, ..outcome(Action::Change, Reason::Silence) }
+                full(inputs, outcome(Action::Change, Reason::Silence))
             }
             Fallback::Hold | Fallback::Full => outcome(Action::Hold, Reason::Silence),
         },
+        Evidence::SpindleAnswer { answer, request, .. } => answered(inputs, answer, request, outcome),
+        Evidence::SpindleUnfit { spindle, .. } => {
+            // At the programmed speed everything was judged.
+            let back = spindle == inputs.before.spindle && inputs.spindle.request.is_none();
+            Outcome { planned_spindle: back.then_some(1.0), ..outcome(Action::Keep, Reason::SpindleUnfit) }
+        }
         Evidence::Process(_) if inputs.threading => outcome(Action::Hold, Reason::Threading),
         Evidence::Process(properties) => process(inputs, &properties, outcome),
     }
+}
+
+/// Both overrides at 100 %, the spindle's at the next place where it can change.
+fn full(inputs: &Inputs, change: Outcome) -> Outcome {
+    if !inputs.spindle.planned {
+        return Outcome { after: Overrides::FULL, ..change };
+    }
+    let requested = inputs.spindle.request.map_or(inputs.before.spindle, |request| request.spindle);
+    let action = if inputs.before.feed == 1.0 { Action::Keep } else { Action::Change };
+    let after = Overrides { feed: 1.0, ..inputs.before };
+    let planned_spindle = (inputs.before.spindle != 1.0 && requested != 1.0).then_some(1.0);
+    Outcome { action, after, planned_spindle, ..change }
+}
+
+/// What follows from the machine's answer to a decision on the spindle speed.
+fn answered(
+    inputs: &Inputs,
+    answer: SpindleAnswer,
+    request: Option<SpindleRequest>,
+    outcome: impl Fn(Action, Reason) -> Outcome,
+) -> Outcome {
+    let Some(request) = request else { return outcome(Action::Keep, Reason::SpindleNotAsked) };
+    let (spindle, reason) = match (answer, inputs.spindle.planned) {
+        (SpindleAnswer::Accepted, _) => return outcome(Action::Keep, Reason::SpindleAccepted),
+        // It has been in force since it was decided.
+        (SpindleAnswer::Reached { .. }, false) => return outcome(Action::Keep, Reason::SpindleReached),
+        (SpindleAnswer::Reached { .. }, true) => (request.spindle, Reason::SpindleReached),
+        (SpindleAnswer::Refused, true) => return outcome(Action::Keep, Reason::SpindleRefused),
+        (SpindleAnswer::Refused, false) => (request.from, Reason::SpindleRefused),
+    };
+    let (feed, feed_bound) = feed_with_spindle(inputs, spindle);
+    Outcome { after: Overrides { feed, spindle }, feed_bound, ..outcome(Action::Change, reason) }
+}
+
+/// The feed override with which the feed per edge or revolution stays at another spindle override; a held feed stays held.
+fn feed_with_spindle(inputs: &Inputs, spindle: f64) -> (f64, Option<Bound>) {
+    if inputs.held {
+        return (inputs.before.feed, None);
+    }
+    bounded(inputs.before.feed * (spindle / inputs.before.spindle), inputs.rules.feed_bounds)
 }
 
 /// The property that the rules judge; `None` where the window does not have it.
@@ -356,8 +498,14 @@ fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Re
     if let Some((wanted, reason)) = wanted {
         let spindle;
         (spindle, spindle_bound) = bounded(wanted, rules.spindle_bounds);
-        if spindle != inputs.before.spindle {
-            let (feed, feed_bound) = bounded(inputs.before.feed * (spindle / inputs.before.spindle), rules.feed_bounds);
+        let SpindlePlan { planned, request, refused } = inputs.spindle;
+        // Until a planned change is in force, and where it was refused, the feed rule goes on alone.
+        let waits = (planned && request.is_some()) || refused == Some(spindle);
+        if spindle != inputs.before.spindle && !waits {
+            if planned {
+                return Outcome { planned_spindle: Some(spindle), spindle_bound, ..outcome(Action::Keep, reason) };
+            }
+            let (feed, feed_bound) = feed_with_spindle(inputs, spindle);
             let after = Overrides { feed, spindle };
             return Outcome { after, feed_bound, spindle_bound, ..outcome(Action::Change, reason) };
         }

@@ -26,7 +26,7 @@ pub use config::{
 };
 pub use decision::{
     Action, Bound, Decision, Evidence, HoldReason, Inputs, Outcome, Overrides, Properties, Reason, Removed, Span,
-    decide, windows_at_bound,
+    SpindleAnswer, SpindlePlan, SpindleRequest, decide, windows_at_bound,
 };
 pub use learning::{
     CutRecord, Estimate, LearningError, LearningModel, Learnt, LearntMode, MAX_LEARNING_SAMPLES, MAX_RECORDS,

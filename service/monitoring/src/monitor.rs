@@ -5,12 +5,13 @@ mod contact;
 mod input;
 mod judging;
 mod snapshot;
+mod spindle;
 mod window;
 
 use crate::batch::{Batch, BatchError, Event, EventError, Receipt};
 use crate::channel::Worth;
 use crate::config::{MonitoringConfig, Violation};
-use crate::decision::{Decision, Evidence, HoldReason, Overrides};
+use crate::decision::{Decision, Evidence, HoldReason, Overrides, SpindlePlan};
 use crate::spectrum::Analyser;
 use contact::Contact;
 use input::{Channels, Sample};
@@ -67,6 +68,8 @@ struct Run {
     newest_batch: Option<u64>,
     samples: u64,
     decisions: u64,
+    /// The last member: snapshots of earlier versions end before it.
+    spindle: SpindlePlan,
 }
 
 /// Turns samples and events into decisions.
@@ -136,6 +139,7 @@ impl Monitor {
             newest_batch: None,
             samples: 0,
             decisions: 0,
+            spindle: SpindlePlan::default(),
         };
         Ok(Self::with_run(config, run))
     }
@@ -143,6 +147,18 @@ impl Monitor {
     fn with_run(config: MonitoringConfig, run: Run) -> Self {
         let analyser = config.spectrum.map(|spectrum| Analyser::new(spectrum.samples));
         Self { times: Times::new(&config), analyser, config, run }
+    }
+
+    /// Plans changes of the spindle speed for places between sections: what is cut depends on the speed.
+    #[must_use]
+    pub fn planning_spindle(mut self) -> Self {
+        self.run.spindle.planned = true;
+        self
+    }
+
+    /// How changes of the spindle speed come into force, and what is known of the last one.
+    pub fn spindle(&self) -> SpindlePlan {
+        self.run.spindle
     }
 
     /// The configuration.
@@ -225,7 +241,9 @@ impl Monitor {
                 if !(0.0..=1e6).contains(&rev_per_min) {
                     return Err(EventError::SpindleSpeed(rev_per_min));
                 }
-                self.run.programmed_rev_per_min = Some(rev_per_min);
+                if self.run.programmed_rev_per_min.replace(rev_per_min) != Some(rev_per_min) {
+                    self.run.spindle.refused = None;
+                }
             }
             Event::Overrides { feed, spindle } => {
                 let rules = &self.config.rules;
@@ -259,6 +277,7 @@ impl Monitor {
                 if tool != self.run.tool {
                     self.run.tool = tool;
                     self.run.windows_at_bound = 0;
+                    self.run.spindle.refused = None;
                     // What was collected so far mixes two tools.
                     self.run.window.invalidate(HoldReason::OtherTool);
                 }
@@ -268,6 +287,14 @@ impl Monitor {
                 self.run.windows_at_bound = 0;
                 self.enter(State::Baseline);
             }
+            Event::SpindleAnswer { decision, answer } => self.answer(decision, answer, sink),
+            Event::SpindlePlace { setpoint_index, rev_per_min } => {
+                if let Some(request) = &mut self.run.spindle.request {
+                    request.setpoint_index = setpoint_index;
+                    request.rev_per_min = rev_per_min;
+                }
+            }
+            Event::SpindleUnfit { spindle, setpoint_index } => self.drop_spindle(spindle, setpoint_index, sink),
             Event::Clock(now_ns) => {
                 self.run.clock_ns = Some(now_ns);
                 if self.run.last_ns.is_some_and(|last| now_ns.saturating_sub(last) > self.times.silence) {

@@ -5,7 +5,7 @@ mod common;
 use common::config;
 use feedwave_monitoring::{
     Bounds, ContactSource, Grouping, IdleRunUp, Length, Monitor, MonitoringConfig, Property, Quantity, Sensors,
-    SpectrumConfig, SpindleRule, SpindleTable, TableRow,
+    SpectrumConfig, SpindlePlan, SpindleRule, SpindleTable, TableRow,
 };
 
 fn fields(change: impl FnOnce(&mut MonitoringConfig)) -> Vec<String> {
@@ -134,9 +134,25 @@ fn a_snapshot_with_limits_in_radians_is_continued_in_degrees() {
         config.rules.spindle = SpindleRule::Turning { lower_deg, upper_deg, step: 0.05, min_concentration: 0.4 };
         Monitor::new(config).expect("a possible configuration")
     };
-    // The layout has not changed with the unit, only the version that the bytes begin with.
+    // The layout has not changed with the unit, only the version that the bytes begin with; since then the plan of the spindle
+    // speed has come behind it: no plan, no request, no refusal.
     let mut bytes = with(-std::f64::consts::FRAC_PI_4, std::f64::consts::PI).snapshot().unwrap();
-    assert_eq!(std::mem::replace(&mut bytes[0], 4), 5);
+    assert_eq!(std::mem::replace(&mut bytes[0], 4), 6);
+    assert_eq!(bytes.split_off(bytes.len() - 3), [0, 0, 0]);
     let continued = Monitor::restore(&bytes).unwrap();
     assert_eq!(continued.config(), with(-45.0, 180.0).config());
+    assert_eq!(continued.spindle(), SpindlePlan::default());
+}
+
+#[test]
+fn a_snapshot_from_before_the_plan_of_the_spindle_speed_is_continued_without_one() {
+    let monitor = Monitor::new(config()).expect("a possible configuration");
+    let mut bytes = monitor.snapshot().unwrap();
+    assert_eq!(std::mem::replace(&mut bytes[0], 5), 6);
+    bytes.truncate(bytes.len() - 3);
+    let continued = Monitor::restore(&bytes).unwrap();
+    assert_eq!((continued.config(), continued.spindle()), (monitor.config(), SpindlePlan::default()));
+    // The plan is part of what a continuation knows.
+    let planning = Monitor::new(config()).expect("a possible configuration").planning_spindle();
+    assert!(Monitor::restore(&planning.snapshot().unwrap()).unwrap().spindle().planned);
 }

@@ -2,7 +2,7 @@
 
 use feedwave_monitoring::{
     Action, Bound, Evidence, Fallback, HoldReason, Inputs, LineOrigin, Outcome, Overrides, Properties, Property,
-    Reason, Rules, SpectralLine, SpindleRule, SpindleTable, decide,
+    Reason, Rules, SpectralLine, SpindleAnswer, SpindlePlan, SpindleRequest, SpindleRule, SpindleTable, decide,
 };
 
 fn inputs(max_deviation: f64) -> Inputs {
@@ -15,6 +15,7 @@ fn inputs(max_deviation: f64) -> Inputs {
         threading: false,
         windows_at_bound: 0,
         held: false,
+        spindle: SpindlePlan::default(),
     }
 }
 
@@ -183,4 +184,87 @@ fn vibration_is_compared_like_deviation() {
     inputs.rules.property = Property::VibrationFrequency;
     (inputs.rules.feed.lower, inputs.rules.feed.upper) = (430.0, 600.0);
     assert_eq!(decide(&inputs).reason, Reason::FeedBelowLimit);
+}
+
+#[test]
+fn a_planned_change_leaves_the_overrides_until_the_spindle_has_reached_it() {
+    // α 1 rad is above 0.5: q = 10 % slower, planned.
+    let planned = SpindlePlan { planned: true, ..SpindlePlan::default() };
+    let inputs = Inputs { spindle: planned, ..turning(1.0) };
+    let outcome = decide(&inputs);
+    keeps(&outcome, Action::Keep, Reason::AngleAboveLimit);
+    assert_eq!(outcome.planned_spindle, Some(0.9));
+
+    // While it waits, the feed rule goes on: 0.02 mm is above 0.01 mm, 5 % slower.
+    let request = SpindleRequest {
+        decision: 3,
+        spindle: 0.9,
+        from: 1.0,
+        accepted: false,
+        setpoint_index: Some(700),
+        rev_per_min: None,
+    };
+    let waits = SpindlePlan { request: Some(request), ..planned };
+    let slower = decide(&Inputs { spindle: waits, ..inputs.clone() });
+    assert_eq!((slower.action, slower.reason, slower.after), (Action::Change, Reason::FeedAboveLimit, full(0.95, 1.0)));
+
+    // Reached: the feed goes with the speed, 0.95 · 0.9 = 0.855.
+    let answer = |answer, spindle| {
+        let evidence = Evidence::SpindleAnswer { decision: 3, answer, request: Some(request) };
+        decide(&Inputs { evidence, before: full(0.95, 1.0), spindle, ..inputs.clone() })
+    };
+    let reached = answer(SpindleAnswer::Reached { time_ns: Some(5), rev_per_min: None }, waits);
+    assert_eq!((reached.action, reached.reason), (Action::Change, Reason::SpindleReached));
+    assert!((reached.after.feed - 0.855).abs() < 1e-15 && reached.after.spindle == 0.9);
+    for (answered, reason) in
+        [(SpindleAnswer::Accepted, Reason::SpindleAccepted), (SpindleAnswer::Refused, Reason::SpindleRefused)]
+    {
+        let outcome = answer(answered, waits);
+        assert_eq!((outcome.action, outcome.reason, outcome.after), (Action::Keep, reason, full(0.95, 1.0)));
+    }
+    // The same speed is not requested again after a refusal.
+    let refused = SpindlePlan { refused: Some(0.9), ..planned };
+    assert_eq!(decide(&Inputs { spindle: refused, ..inputs.clone() }).reason, Reason::FeedAboveLimit);
+}
+
+#[test]
+fn a_speed_in_force_at_once_goes_back_where_the_machine_refuses_it() {
+    let request = SpindleRequest {
+        decision: 3,
+        spindle: 0.9,
+        from: 1.0,
+        accepted: false,
+        setpoint_index: None,
+        rev_per_min: None,
+    };
+    let spindle = SpindlePlan { request: Some(request), ..SpindlePlan::default() };
+    let evidence = Evidence::SpindleAnswer { decision: 3, answer: SpindleAnswer::Refused, request: Some(request) };
+    let outcome = decide(&Inputs { evidence, before: full(0.9, 0.9), spindle, ..inputs(0.005) });
+    assert_eq!((outcome.action, outcome.after), (Action::Change, full(1.0, 1.0)));
+    let evidence = Evidence::SpindleAnswer { decision: 4, answer: SpindleAnswer::Refused, request: None };
+    let outcome = decide(&Inputs { evidence, before: full(0.9, 0.9), spindle, ..inputs(0.005) });
+    assert_eq!((outcome.reason, outcome.after), (Reason::SpindleNotAsked, full(0.9, 0.9)));
+}
+
+#[test]
+fn what_cannot_be_cut_at_the_present_speed_needs_the_programmed_one() {
+    let planned = SpindlePlan { planned: true, ..SpindlePlan::default() };
+    let unfit = |before, spindle: f64, plan| {
+        let evidence = Evidence::SpindleUnfit { spindle, setpoint_index: 9 };
+        decide(&Inputs { evidence, before, spindle: plan, ..inputs(0.005) }).planned_spindle
+    };
+    assert_eq!(unfit(full(0.9, 0.9), 0.9, planned), Some(1.0));
+    let request = SpindleRequest {
+        decision: 1,
+        spindle: 0.8,
+        from: 0.9,
+        accepted: false,
+        setpoint_index: None,
+        rev_per_min: None,
+    };
+    assert_eq!(unfit(full(0.9, 0.9), 0.8, SpindlePlan { request: Some(request), ..planned }), None);
+}
+
+fn full(feed: f64, spindle: f64) -> Overrides {
+    Overrides { feed, spindle }
 }

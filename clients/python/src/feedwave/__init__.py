@@ -36,7 +36,7 @@ from .errors import (
     Unknown,
     Violation,
 )
-from .events import Acknowledged, Decision, Ended, Event, FeedChange, Refused
+from .events import Acknowledged, Decision, Ended, Event, FeedChange, Refused, SpindleRequest
 from .program import Program
 from .report import Cure, Finding, Place, Report, Severity, Value
 from .setpoints import Override, Setpoints
@@ -81,6 +81,7 @@ __all__ = [
     "Settings",
     "Severity",
     "SourceError",
+    "SpindleRequest",
     "StreamOptions",
     "Telemetry",
     "Unauthenticated",

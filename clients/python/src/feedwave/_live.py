@@ -15,9 +15,9 @@ from ._options import RunOptions
 from ._requests import column_kinds
 from ._telemetry import RECONNECT_FOR_S, Link, TelemetryInfo
 from .errors import ContractError
-from .events import Ended, Event, FeedChange, Refused
+from .events import Ended, Event, FeedChange, Refused, SpindleRequest
 from .setpoints import Decoder, Layout, Setpoints
-from .v1 import machines_pb2, runs_pb2, setpoints_pb2, telemetry_pb2
+from .v1 import decisions_pb2, machines_pb2, runs_pb2, setpoints_pb2, telemetry_pb2
 
 # Time of the setpoints that may come ahead of those that were taken, s.
 AHEAD_S = 0.1
@@ -152,6 +152,8 @@ class LiveRun(Link):
         elif kind == "ended":
             self._end(Ended.of(message.ended))
             self.broken()
+        elif kind == "spindle_request":
+            self._events.append(SpindleRequest.of(message.spindle_request))
         elif kind == "command_refused":
             refused = message.command_refused
             self._resuming = False
@@ -229,6 +231,20 @@ class RunInfo(TelemetryInfo):
     @ahead_s.setter
     def ahead_s(self, ahead_s: float) -> None:
         self._live.ahead_s = ahead_s
+
+    def answer_spindle(
+        self, decision_number: int, answer: str, *, reached_ns: int | None = None, rev_per_min: float | None = None, note: str = ""
+    ) -> bool:
+        """Answers a decision on the spindle speed: `ACCEPTED`, `REACHED` (with time on the sensors' clock and measured speed) or `REFUSED`.
+
+        The answer is a batch of telemetry of its own: it is sent again after a break until it is durable. `False` while too many batches wait.
+        """
+        said = telemetry_pb2.SpindleAnswer(decision_number=decision_number, kind=value_of(decisions_pb2.SpindleAnswerKind, answer), note=note)
+        if reached_ns is not None:
+            said.reached_ns = reached_ns
+        if rev_per_min is not None:
+            said.rev_per_min = rev_per_min
+        return self._live.send(telemetry_pb2.TelemetryBatch(events=[telemetry_pb2.MachineEvent(spindle_answer=said)]))
 
     def hold(self) -> None:
         """Holds the feed: the path comes to rest as soon as it can. Said again after a break."""

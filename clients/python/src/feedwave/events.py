@@ -64,7 +64,7 @@ class FeedChange:
     ratio: float
     """Ratio of the feed to the programmed one, 0 to 2; 0 is feed hold."""
     cause: str
-    """`DECISION`, `HOLD`, `RESUME`, `STOP`, `ABORT` or `ESCALATION`."""
+    """`DECISION`, `HOLD`, `RESUME`, `STOP`, `ABORT`, `ESCALATION` or `SPINDLE`."""
     decision_number: int
     """The decision, where one is the cause; 0 otherwise."""
 
@@ -102,6 +102,26 @@ class Refused:
 
 
 @dataclass(frozen=True)
+class SpindleRequest:
+    """A planned change of the spindle speed has come to its place: the path rests, and no setpoint follows until `answer_spindle`."""
+
+    decision_number: int
+    """The decision, which the answer names."""
+    setpoint_index: int
+    """First setpoint behind the place."""
+    spindle: float
+    """Spindle override requested, a ratio to the programmed speed."""
+    rev_per_min: float | None
+    """Speed requested, rev/min; absent while it depends on the radius."""
+
+    @classmethod
+    def of(cls, proto: runs_pb2.RunSpindleRequest) -> SpindleRequest:
+        """From the contract's message."""
+        rev_per_min = proto.rev_per_min if proto.HasField("rev_per_min") else None
+        return cls(proto.decision_number, proto.setpoint_index, proto.spindle, rev_per_min)
+
+
+@dataclass(frozen=True)
 class Ended:
     """The end of a run, and its last event."""
 
@@ -120,5 +140,5 @@ class Ended:
         return cls(value_name(telemetry_pb2.RunState, proto.state), proto.message, proto.setpoint_count, proto.digest)
 
 
-Event: TypeAlias = "Setpoints | Decision | FeedChange | Acknowledged | Refused | Ended"
+Event: TypeAlias = "Setpoints | Decision | FeedChange | Acknowledged | Refused | SpindleRequest | Ended"
 """Any event of a live run."""

@@ -2,7 +2,8 @@
 
 use feedwave_monitoring as monitoring;
 use feedwave_monitoring::{
-    Action, Bound, Decision, Evidence, HoldReason, Inputs, LineOrigin, Outcome, Properties, Reason, State,
+    Action, Bound, Decision, Evidence, HoldReason, Inputs, LineOrigin, Outcome, Properties, Reason, SpindleAnswer,
+    SpindlePlan, SpindleRequest, State,
 };
 
 use super::monitoring::{rules_from_proto, rules_to_proto};
@@ -38,7 +39,7 @@ same_names!(action_to_proto, action_from_proto: Action = proto::DecisionAction {
 same_names!(bound_to_proto, bound_from_proto: Bound = proto::OverrideBound { Lower, Upper });
 
 /// Reasons but for that of the data, which has one of its own.
-const REASONS: [(Reason, proto::DecisionReason); 16] = [
+const REASONS: [(Reason, proto::DecisionReason); 21] = [
     (Reason::ToolFit, proto::DecisionReason::ToolFit),
     (Reason::ReplaceTool, proto::DecisionReason::ReplaceTool),
     (Reason::MachineFit, proto::DecisionReason::MachineFit),
@@ -55,6 +56,11 @@ const REASONS: [(Reason, proto::DecisionReason); 16] = [
     (Reason::Silence, proto::DecisionReason::Silence),
     (Reason::AboveLimitAtBound, proto::DecisionReason::AboveLimitAtBound),
     (Reason::FeedHeld, proto::DecisionReason::FeedHeld),
+    (Reason::SpindleAccepted, proto::DecisionReason::SpindleAccepted),
+    (Reason::SpindleReached, proto::DecisionReason::SpindleReached),
+    (Reason::SpindleRefused, proto::DecisionReason::SpindleRefused),
+    (Reason::SpindleNotAsked, proto::DecisionReason::SpindleNotAsked),
+    (Reason::SpindleUnfit, proto::DecisionReason::SpindleUnfit),
 ];
 
 /// A decision as the contract has it, but for its place in the log, which the store gives it.
@@ -83,6 +89,7 @@ pub fn decision_to_proto(decision: &Decision) -> proto::Decision {
         }),
         inputs: Some(inputs_to_proto(&decision.inputs)),
         outcome: Some(outcome_to_proto(&decision.outcome)),
+        note: decision.note.clone(),
         ..proto::Decision::default()
     }
 }
@@ -109,6 +116,22 @@ fn inputs_to_proto(inputs: &Inputs) -> proto::DecisionInputs {
         }
         Evidence::Unfit(reason) => ProtoEvidence::Unfit(hold_to_proto(reason).into()),
         Evidence::Silence { tolerated_ns } => ProtoEvidence::SilenceNs(tolerated_ns),
+        Evidence::SpindleAnswer { decision, answer, request } => {
+            let (reached_ns, rev_per_min) = match answer {
+                SpindleAnswer::Reached { time_ns, rev_per_min } => (time_ns, rev_per_min),
+                SpindleAnswer::Accepted | SpindleAnswer::Refused => (None, None),
+            };
+            ProtoEvidence::SpindleAnswer(proto::SpindleAnswerEvidence {
+                decision_number: decision,
+                kind: answer_kind(answer).into(),
+                reached_ns,
+                rev_per_min,
+                request: request.map(request_to_proto),
+            })
+        }
+        Evidence::SpindleUnfit { spindle, setpoint_index } => {
+            ProtoEvidence::SpindleUnfit(proto::SpindleUnfitEvidence { spindle, setpoint_index })
+        }
     };
     proto::DecisionInputs {
         evidence: Some(evidence),
@@ -119,7 +142,48 @@ fn inputs_to_proto(inputs: &Inputs) -> proto::DecisionInputs {
         threading: inputs.threading,
         windows_at_bound: inputs.windows_at_bound,
         feed_held: inputs.held,
+        spindle_plan: (inputs.spindle != SpindlePlan::default()).then(|| proto::SpindlePlan {
+            planned: inputs.spindle.planned,
+            request: inputs.spindle.request.map(request_to_proto),
+            refused_spindle: inputs.spindle.refused,
+        }),
     }
+}
+
+const fn answer_kind(answer: SpindleAnswer) -> proto::SpindleAnswerKind {
+    match answer {
+        SpindleAnswer::Accepted => proto::SpindleAnswerKind::Accepted,
+        SpindleAnswer::Reached { .. } => proto::SpindleAnswerKind::Reached,
+        SpindleAnswer::Refused => proto::SpindleAnswerKind::Refused,
+    }
+}
+
+/// An answer to a decision on the spindle speed; `None` without a kind.
+#[must_use]
+pub const fn spindle_answer_from_proto(
+    kind: proto::SpindleAnswerKind,
+    reached_ns: Option<u64>,
+    rev_per_min: Option<f64>,
+) -> Option<SpindleAnswer> {
+    match kind {
+        proto::SpindleAnswerKind::Accepted => Some(SpindleAnswer::Accepted),
+        proto::SpindleAnswerKind::Reached => Some(SpindleAnswer::Reached { time_ns: reached_ns, rev_per_min }),
+        proto::SpindleAnswerKind::Refused => Some(SpindleAnswer::Refused),
+        proto::SpindleAnswerKind::Unspecified => None,
+    }
+}
+
+const fn request_to_proto(request: SpindleRequest) -> proto::SpindleRequest {
+    let SpindleRequest { decision, spindle, from, accepted, setpoint_index, rev_per_min } = request;
+    let (decision_number, spindle_before) = (decision, from);
+    proto::SpindleRequest { decision_number, spindle, spindle_before, accepted, setpoint_index, rev_per_min }
+}
+
+const fn request_from_proto(request: proto::SpindleRequest) -> SpindleRequest {
+    let proto::SpindleRequest { decision_number, spindle, spindle_before, accepted, setpoint_index, rev_per_min } =
+        request;
+    let (decision, from) = (decision_number, spindle_before);
+    SpindleRequest { decision, spindle, from, accepted, setpoint_index, rev_per_min }
 }
 
 fn line_to_proto(line: monitoring::SpectralLine) -> proto::SpectralLine {
@@ -149,6 +213,7 @@ fn outcome_to_proto(outcome: &Outcome) -> proto::DecisionOutcome {
         after: Some(overrides_to_proto(outcome.after)),
         feed_bound: bound(outcome.feed_bound),
         spindle_bound: bound(outcome.spindle_bound),
+        planned_spindle: outcome.planned_spindle,
     }
 }
 
@@ -209,6 +274,14 @@ pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcom
         }),
         ProtoEvidence::Unfit(reason) => Evidence::Unfit(hold_from_proto(proto::HoldReason::try_from(*reason).ok()?)?),
         ProtoEvidence::SilenceNs(tolerated_ns) => Evidence::Silence { tolerated_ns: *tolerated_ns },
+        ProtoEvidence::SpindleAnswer(it) => Evidence::SpindleAnswer {
+            decision: it.decision_number,
+            answer: spindle_answer_from_proto(it.kind(), it.reached_ns, it.rev_per_min)?,
+            request: it.request.map(request_from_proto),
+        },
+        ProtoEvidence::SpindleUnfit(it) => {
+            Evidence::SpindleUnfit { spindle: it.spindle, setpoint_index: it.setpoint_index }
+        }
     };
     let mut violations = Violations::default();
     let rules = rules_from_proto(&mut violations, inputs.rules.as_ref()?);
@@ -228,6 +301,11 @@ pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcom
         threading: inputs.threading,
         windows_at_bound: inputs.windows_at_bound,
         held: inputs.feed_held,
+        spindle: inputs.spindle_plan.map_or_else(SpindlePlan::default, |plan| SpindlePlan {
+            planned: plan.planned,
+            request: plan.request.map(request_from_proto),
+            refused: plan.refused_spindle,
+        }),
     };
     let outcome = Outcome {
         action: action_from_proto(outcome.action())?,
@@ -235,6 +313,7 @@ pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcom
         after: overrides_from_message(outcome.after)?,
         feed_bound: bound_from_proto(outcome.feed_bound()),
         spindle_bound: bound_from_proto(outcome.spindle_bound()),
+        planned_spindle: outcome.planned_spindle,
     };
     Some((inputs, outcome))
 }
@@ -262,7 +341,7 @@ mod tests {
     use super::super::monitoring::{monitoring_from_proto, tests::full};
     use super::*;
 
-    fn check(evidence: Evidence, rules: Rules) {
+    fn check(evidence: Evidence, rules: Rules, spindle: SpindlePlan) {
         let inputs = Inputs {
             evidence,
             rules,
@@ -272,9 +351,11 @@ mod tests {
             threading: false,
             windows_at_bound: 4,
             held: false,
+            spindle,
         };
         let outcome = decide(&inputs);
-        let decision = Decision { number: 7, time_ns: 1, tool: 2, span: Span::default(), inputs, outcome };
+        let note = "note".to_owned();
+        let decision = Decision { number: 7, time_ns: 1, tool: 2, span: Span::default(), inputs, outcome, note };
         let (inputs, outcome) = decision_from_proto(&decision_to_proto(&decision)).expect("whole");
         assert_eq!((&inputs, &outcome), (&decision.inputs, &decision.outcome));
         assert_eq!(decide(&inputs), outcome);
@@ -313,16 +394,38 @@ mod tests {
             (1..=12)
                 .map(|reason| Evidence::Unfit(hold_from_proto(proto::HoldReason::try_from(reason).unwrap()).unwrap())),
         );
+        let request = SpindleRequest {
+            decision: 2,
+            spindle: 0.9,
+            from: 1.0 / 3.0,
+            accepted: true,
+            setpoint_index: Some(7),
+            rev_per_min: Some(1_350.0),
+        };
+        let reached = SpindleAnswer::Reached { time_ns: Some(8), rev_per_min: Some(1_350.5) };
+        for answer in [SpindleAnswer::Accepted, reached, SpindleAnswer::Refused] {
+            for request in [None, Some(request)] {
+                evidence.push(Evidence::SpindleAnswer { decision: 2, answer, request });
+            }
+        }
+        evidence.push(Evidence::SpindleUnfit { spindle: 1.0 / 3.0, setpoint_index: 9 });
+        let plans = [
+            SpindlePlan::default(),
+            SpindlePlan { planned: true, request: Some(request), refused: None },
+            SpindlePlan { planned: true, request: None, refused: Some(0.7) },
+        ];
         for rules in [Rules::default(), milling, turning] {
             for &evidence in &evidence {
-                check(evidence, rules.clone());
+                for spindle in plans {
+                    check(evidence, rules.clone(), spindle);
+                }
             }
         }
     }
 
     #[test]
     fn every_reason_has_a_name() {
-        for number in 1..=17 {
+        for number in 1..=22 {
             let reason = proto::DecisionReason::try_from(number).unwrap();
             let named = REASONS.iter().filter(|(_, theirs)| *theirs == reason).count();
             assert_eq!(named, usize::from(reason != proto::DecisionReason::Data), "{reason:?}");

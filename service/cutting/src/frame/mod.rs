@@ -9,6 +9,7 @@ pub(crate) mod profile;
 pub(crate) mod report;
 mod scout;
 pub(crate) mod slowdown;
+pub(crate) mod spindle_trial;
 mod timed;
 pub(crate) mod tool_path;
 pub(crate) mod validation;

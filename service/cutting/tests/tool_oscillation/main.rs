@@ -8,6 +8,7 @@ mod conditions;
 mod example;
 mod program;
 mod request;
+mod speeds;
 mod waveforms;
 
 use feedwave_cutting::tool_oscillation::{

@@ -99,18 +99,20 @@ impl Monitor {
             threading,
             windows_at_bound: self.run.windows_at_bound,
             held: self.run.held_feed.is_some(),
+            spindle: self.run.spindle,
         };
         let outcome = decide(&inputs);
         self.run.windows_at_bound = windows_at_bound(&inputs);
         let number = self.run.decisions;
         self.run.decisions += 1;
         self.run.overrides = outcome.after;
+        self.request_spindle(number, inputs.before, evidence, &outcome);
         match outcome.action {
             Action::Stop => self.run.state = State::Stopped,
             Action::HoldFeed => self.run.held_feed = Some(inputs.before.feed),
             Action::Keep | Action::Change | Action::Hold => {}
         }
-        sink(Decision { number, time_ns, tool: self.run.tool, span, inputs, outcome });
+        sink(Decision { number, time_ns, tool: self.run.tool, span, inputs, outcome, note: String::new() });
         outcome.action
     }
 }

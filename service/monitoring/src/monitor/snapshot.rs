@@ -2,13 +2,16 @@
 
 use super::{Monitor, Run, State};
 use crate::config::MonitoringConfig;
+use crate::decision::SpindlePlan;
 use crate::rules::SpindleRule;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Changes whenever the layout of a snapshot does, or the meaning of a value in it.
-const VERSION: u32 = 5;
-/// As [`VERSION`], with the limits of [`SpindleRule::Turning`] in radians.
+const VERSION: u32 = 6;
+/// As [`VERSION`], without what is known of changes of the spindle speed.
+const VERSION_WITHOUT_PLAN: u32 = 5;
+/// As [`VERSION_WITHOUT_PLAN`], with the limits of [`SpindleRule::Turning`] in radians.
 const VERSION_IN_RADIANS: u32 = 4;
 
 #[derive(Serialize)]
@@ -59,10 +62,15 @@ impl Monitor {
     /// [`SnapshotError`] when the bytes are not a whole and consistent snapshot of this version.
     pub fn restore(bytes: &[u8]) -> Result<Self, SnapshotError> {
         let (found, rest) = postcard::take_from_bytes::<u32>(bytes)?;
-        if ![VERSION, VERSION_IN_RADIANS].contains(&found) {
+        if ![VERSION, VERSION_WITHOUT_PLAN, VERSION_IN_RADIANS].contains(&found) {
             return Err(SnapshotError::Version { found, expected: VERSION });
         }
-        let Snapshot { mut config, run } = postcard::from_bytes(rest)?;
+        let Snapshot { mut config, run } = if found == VERSION {
+            postcard::from_bytes(rest)?
+        } else {
+            let plan = postcard::to_allocvec(&SpindlePlan::default())?;
+            postcard::from_bytes(&[rest, &plan].concat())?
+        };
         if let SpindleRule::Turning { lower_deg, upper_deg, .. } = &mut config.rules.spindle
             && found == VERSION_IN_RADIANS
         {

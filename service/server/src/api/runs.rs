@@ -38,6 +38,7 @@ fn pipeline_config(detail: &JobDetail, settings: &RunSettings) -> Result<Pipelin
     };
     Ok(PipelineConfig {
         interpolation_period_us: period_us,
+        spindle_changes: settings.plans_spindle.then(Vec::new),
         generation_mode: generation_mode_from_proto(settings.generation_mode()).unwrap_or(own.generation_mode),
         frame: if settings.frame() == proto::Frame::Work { Frame::Work } else { Frame::Machine },
         ..own
@@ -143,23 +144,26 @@ impl Api {
     async fn begin_run(&self, detail: &JobDetail, asked: RunSettings) -> Result<AttachedRun> {
         let job = detail.job.id;
         let monitoring = config_from_message(&stored::from_stored(self.store.monitoring(job).await?.get())?)?;
-        self.check_monitoring(detail, &monitoring).await?;
-        let config = pipeline_config(detail, &asked)?;
+        let plans_spindle = self.check_monitoring(detail, &monitoring).await?;
+        let config = pipeline_config(detail, &RunSettings { plans_spindle, ..asked })?;
         let settings = RunSettings {
             interpolation_period_us: config.interpolation_period_us,
             generation_mode: generation_mode_to_proto(config.generation_mode).into(),
             frame: frame_to_proto(config.frame).into(),
             monitoring: Some(monitoring_to_proto(&monitoring)),
+            plans_spindle,
         };
         let monitor = Monitor::new(monitoring)
             .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
+        let monitor = if plans_spindle { monitor.planning_spindle() } else { monitor };
         let monitor = monitor.snapshot().map_err(Error::internal)?.into();
         let new = NewRun { job_id: job, kind: RunKind::Live, settings: stored::to_stored(&settings)?, monitor };
         Ok(self.store.create_run(new).await?)
     }
 
-    /// Refuses monitoring whose decisions setpoints cannot follow.
-    async fn check_monitoring(&self, detail: &JobDetail, monitoring: &MonitoringConfig) -> Result<()> {
+    /// Refuses monitoring whose decisions setpoints cannot follow; whether changes of the spindle speed have to be planned,
+    /// since what is cut depends on it.
+    async fn check_monitoring(&self, detail: &JobDetail, monitoring: &MonitoringConfig) -> Result<bool> {
         let job = detail.job.id;
         let unfit = |message| {
             let subject = format!("{}/monitoring", names::job(job));
@@ -173,7 +177,7 @@ impl Api {
         }
         let judged = engine::job_config(detail)?.profile.max_feed_override;
         if upper <= judged && monitoring.rules.spindle == SpindleRule::None {
-            return Ok(());
+            return Ok(false);
         }
         let report: ValidationReport = stored::from_stored(self.store.report(job).await?.report.get())?;
         if upper > judged && !report.sections.is_empty() {
@@ -182,19 +186,8 @@ impl Api {
                  {judged}, the max_feed_override of its machine: lower it, or raise that one and validate a new job"
             ));
         }
-        if monitoring.rules.spindle != SpindleRule::None {
-            let in_step = [
-                (!report.sections.is_empty(), "vibration is tuned"),
-                (!report.threads.is_empty(), "threads are tied"),
-                (!report.oscillations.is_empty(), "tool oscillation is tied"),
-            ];
-            if let Some((_, what)) = in_step.into_iter().find(|(there, _)| *there) {
-                return unfit(format!(
-                    "rules.spindle would change the speed to which the program's {what}: leave it out"
-                ));
-            }
-        }
-        Ok(())
+        let depends = !report.sections.is_empty() || !report.threads.is_empty() || !report.oscillations.is_empty();
+        Ok(depends && monitoring.rules.spindle != SpindleRule::None)
     }
 
     /// Replays a run.
@@ -257,11 +250,17 @@ fn started(
         durable_batch: attached.run.newest_batch,
         overrides: Some(overrides_to_proto(monitor.overrides())),
         state: monitor_state_to_proto(monitor.state()).into(),
-        held: feed_changes.last().is_some_and(|change| change.cause() == proto::FeedChangeCause::Hold),
+        held: held(&feed_changes),
         feed_changes,
         feed_held: monitor.holds_feed(),
     };
     Ok(RunResponse { message: Some(Message::Started(started)) })
+}
+
+/// Whether the operator holds the feed: changes of the spindle speed end no hold.
+fn held(changes: &[proto::RunFeedChange]) -> bool {
+    let lasting = changes.iter().rev().find(|change| change.cause() != proto::FeedChangeCause::Spindle);
+    lasting.is_some_and(|change| change.cause() == proto::FeedChangeCause::Hold)
 }
 
 /// Passes on what the client says until it goes away.

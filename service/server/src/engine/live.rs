@@ -9,6 +9,7 @@ mod feed;
 mod receipts;
 mod replay;
 mod setpoints;
+mod spindle;
 mod view;
 mod worker;
 
@@ -37,6 +38,7 @@ use feedwave_contract::proto;
 use proto::run_response::Message;
 use receipts::Receipts;
 use setpoints::Setpoints;
+use spindle::Gate;
 use view::LiveView;
 use worker::Worker;
 
@@ -139,6 +141,10 @@ impl Engine {
         let feed = Feed::new(&attached.overrides)?;
         let view = LiveView::new(presence, &plan.config);
         let first_index = plan.first_index;
+        let mut plan = plan;
+        if plan.config.spindle_changes.is_some() {
+            plan.config.spindle_changes = Some(feed.spindle_changes()?);
+        }
         let mut generator = self.generator(detail, attached.run.id, plan, &feed.changes()).await?;
         let RunSetpoints { received, sent, digest } = attached.run.setpoints;
         if let Some(digest) = digest {
@@ -151,7 +157,9 @@ impl Engine {
         let (runtime, metrics) = (Handle::current(), inner.metrics.clone());
         // The client says that it has the setpoints before the first that it asks for.
         let receipts = Receipts::new(received.max(first_index), inner.limits.receipt_patience());
-        let mut worker = Worker::new(session, generator, feed, view, receipts, input, outlet, ends, runtime, metrics);
+        let gate = Gate::new(inner.limits.receipt_patience());
+        let mut worker =
+            Worker::new(session, generator, feed, gate, view, receipts, input, outlet, ends, runtime, metrics);
         let active = GaugeGuard::new(&inner.metrics.active_runs);
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);

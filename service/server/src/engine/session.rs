@@ -7,10 +7,12 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use feedwave_contract::convert::{action_name, decision_to_proto, state_to_proto, timestamp};
+use feedwave_contract::convert::{
+    action_name, decision_to_proto, spindle_answer_from_proto, state_to_proto, timestamp,
+};
 use feedwave_contract::{names, proto};
 use feedwave_monitoring::{
-    Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, SnapshotError, State,
+    Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, SnapshotError, SpindleAnswer, State,
 };
 use feedwave_store::{AttachedRun, NewDecision, RunCheckpoint, RunCommit, Store, StoreError, TelemetryGap};
 use prost::Message as _;
@@ -24,6 +26,10 @@ use crate::observability::metrics::Metrics;
 pub const MAX_BATCH_SAMPLES: usize = 100_000;
 /// Most events of a batch.
 pub const MAX_BATCH_EVENTS: usize = 64;
+/// Most characters of the note of an answer to a decision.
+const MAX_ANSWER_NOTE_CHARACTERS: usize = 500;
+/// Most characters of the note of a decision.
+const MAX_DECISION_NOTE_CHARACTERS: usize = 1_000;
 /// Batches become durable this often where no decision is waiting.
 const COMMIT_INTERVAL: Duration = Duration::from_millis(100);
 /// A large state becomes durable less often, so that it is written at this rate at most, bytes/s.
@@ -174,6 +180,8 @@ impl Session {
         self.fresh.changed = true;
         let decisions = &mut self.fresh.decisions;
         for (index, event) in batch.events.iter().enumerate() {
+            let note = note_of(event);
+            let before = decisions.len();
             let mut event = event_from_proto(index, event, live)?;
             if let Event::Threading(threading) = &mut event {
                 self.said_threading = *threading;
@@ -181,6 +189,9 @@ impl Session {
             }
             let noted = self.monitor.note(event, &mut |decision| decisions.push(decision));
             noted.map_err(|error| Error::invalid(format!("batch.events[{index}]"), error.to_string()))?;
+            if let (Some(note), Some(decision)) = (note, decisions.get_mut(before)) {
+                note.clone_into(&mut decision.note);
+            }
         }
         if let Some(&last_ns) = batch.time_ns.last() {
             if let Some(clock) = &self.clock {
@@ -199,6 +210,24 @@ impl Session {
         match receipt.map_err(|error| batch_error(&error))? {
             Receipt::AcceptedAfterGap { first, last } => self.fresh.gaps.push(TelemetryGap { first, last }),
             Receipt::Accepted | Receipt::Dropped { .. } => {}
+        }
+        Ok(())
+    }
+
+    /// A planned change of the spindle speed has come to its place, or not after all; `rev_per_min` is the speed there.
+    pub(super) fn ask_for_spindle(&mut self, setpoint_index: Option<u64>, rev_per_min: Option<f64>) -> Result<()> {
+        if self.monitor.spindle().request.is_none_or(|request| request.setpoint_index == setpoint_index) {
+            return Ok(());
+        }
+        self.note(Event::SpindlePlace { setpoint_index, rev_per_min })
+    }
+
+    /// What follows setpoint `setpoint_index` cannot be cut at a spindle override, for this reason.
+    pub(super) fn refuse_spindle(&mut self, spindle: f64, setpoint_index: u64, reason: &str) -> Result<()> {
+        let before = self.fresh.decisions.len();
+        self.note(Event::SpindleUnfit { spindle, setpoint_index })?;
+        if let Some(decision) = self.fresh.decisions.get_mut(before) {
+            decision.note = reason.chars().take(MAX_DECISION_NOTE_CHARACTERS).collect();
         }
         Ok(())
     }
@@ -373,7 +402,7 @@ fn batch_error(error: &BatchError) -> Error {
 
 fn event_from_proto(index: usize, event: &proto::MachineEvent, live: bool) -> Result<Event> {
     let invalid = |part: &str, why: &str| Err(Error::invalid(format!("batch.events[{index}].{part}"), why));
-    match event.event {
+    match &event.event {
         None => invalid("event", "must be set"),
         Some(ProtoEvent::Overrides(_)) if live => invalid("overrides", "a live run sets the overrides itself"),
         Some(ProtoEvent::Resume(_)) if live => invalid("resume", "a live run is resumed with a command"),
@@ -381,12 +410,45 @@ fn event_from_proto(index: usize, event: &proto::MachineEvent, live: bool) -> Re
         Some(ProtoEvent::Resume(true)) => Ok(Event::Resume),
         Some(ProtoEvent::Rebaseline(false)) => invalid("rebaseline", "must be true"),
         Some(ProtoEvent::Rebaseline(true)) => Ok(Event::Rebaseline),
-        Some(ProtoEvent::ProgrammedRevPerMin(rev_per_min)) => Ok(Event::ProgrammedSpindle { rev_per_min }),
+        Some(ProtoEvent::ProgrammedRevPerMin(rev_per_min)) => {
+            Ok(Event::ProgrammedSpindle { rev_per_min: *rev_per_min })
+        }
         Some(ProtoEvent::Overrides(overrides)) => {
             Ok(Event::Overrides { feed: overrides.feed, spindle: overrides.spindle })
         }
-        Some(ProtoEvent::Threading(threading)) => Ok(Event::Threading(threading)),
-        Some(ProtoEvent::Tool(tool)) => Ok(Event::Tool(tool)),
+        Some(ProtoEvent::Threading(threading)) => Ok(Event::Threading(*threading)),
+        Some(ProtoEvent::Tool(tool)) => Ok(Event::Tool(*tool)),
+        Some(ProtoEvent::SpindleAnswer(answer)) => spindle_answer(answer)
+            .map_err(|(part, why)| Error::invalid(format!("batch.events[{index}].spindle_answer.{part}"), why)),
+    }
+}
+
+/// An answer to a decision on the spindle speed, or the field that is wrong and why.
+fn spindle_answer(answer: &proto::SpindleAnswer) -> Result<Event, (&'static str, String)> {
+    let proto::SpindleAnswer { decision_number, reached_ns, rev_per_min, note, .. } = answer;
+    let read = spindle_answer_from_proto(answer.kind(), *reached_ns, *rev_per_min);
+    let read = read.ok_or_else(|| ("kind", "must be accepted, reached or refused".to_owned()))?;
+    let is_reached = matches!(read, SpindleAnswer::Reached { .. });
+    for (part, is_set) in [("reached_ns", reached_ns.is_some()), ("rev_per_min", rev_per_min.is_some())] {
+        if is_set && !is_reached {
+            return Err((part, "must not be set where the speed is not reached".to_owned()));
+        }
+    }
+    if let Some(rev_per_min) = rev_per_min.filter(|speed| !(speed.is_finite() && *speed > 0.0 && *speed <= 1e6)) {
+        return Err(("rev_per_min", format!("must be above 0 and at most 1000000, is {rev_per_min}")));
+    }
+    let characters = note.chars().count();
+    if characters > MAX_ANSWER_NOTE_CHARACTERS {
+        return Err(("note", format!("must have at most {MAX_ANSWER_NOTE_CHARACTERS} characters, has {characters}")));
+    }
+    Ok(Event::SpindleAnswer { decision: *decision_number, answer: read })
+}
+
+/// What is to be remembered with the decision that an event makes.
+fn note_of(event: &proto::MachineEvent) -> Option<&str> {
+    match &event.event {
+        Some(ProtoEvent::SpindleAnswer(answer)) => Some(&answer.note),
+        _ => None,
     }
 }
 

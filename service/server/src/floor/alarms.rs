@@ -79,7 +79,14 @@ impl Alarms {
             // The log has it, with its acknowledgement.
             Reason::AboveLimitAtBound => (self.process, self.telemetry) = (None, None),
             Reason::ReplaceTool | Reason::ServiceMachine => self.telemetry = None,
-            Reason::FeedHeld | Reason::Threading | Reason::Unspecified => {}
+            Reason::FeedHeld
+            | Reason::Threading
+            | Reason::SpindleAccepted
+            | Reason::SpindleReached
+            | Reason::SpindleRefused
+            | Reason::SpindleNotAsked
+            | Reason::SpindleUnfit
+            | Reason::Unspecified => {}
         }
         let is_logged = outcome.reason() == Reason::AboveLimitAtBound;
         self.stop = (outcome.action() == Action::Stop && !is_logged)
@@ -226,7 +233,7 @@ fn sentence(decision: &Decision, reading: Option<&ProcessReading>) -> String {
         })
     };
     let after = outcome.after.unwrap_or_default();
-    let (feed, spindle) = (after.feed * 100.0, after.spindle * 100.0);
+    let (feed, spindle) = (after.feed * 100.0, outcome.planned_spindle.unwrap_or(after.spindle) * 100.0);
     match outcome.reason() {
         Reason::FeedAboveLimit => format!("{}feed {feed:.0} %", compared("above", |reading| reading.upper)),
         Reason::FeedBelowLimit => format!("{}feed {feed:.0} %", compared("below", |reading| reading.lower)),

@@ -9,8 +9,7 @@ use feedwave_contract::proto::{
     DecisionAction, DecisionReason, Escalation, EscalationAction, FeedChangeCause, FeedOverrideChange, FeedRule,
     GetRunRequest, MonitoringConfig, OverrideBounds, ReplayRunRequest, ReplayRunResponse, RunCommand, RunCommandKind,
     RunCommandRefused, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest, RunResponse, RunSettings, RunStart,
-    RunStarted, RunState, SetMonitoringRequest, SetpointChunk, SpindleRule, StreamSetpointsRequest, TelemetryBatch,
-    ToolCheck, TurningRule, spindle_rule::Rule,
+    RunStarted, RunState, SetMonitoringRequest, SetpointChunk, StreamSetpointsRequest, TelemetryBatch, ToolCheck,
 };
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -93,6 +92,7 @@ impl LiveRun {
             Message::Ack(ack) => self.durable_batch = Some(ack.durable_batch),
             Message::Decision(_) => {}
             Message::CommandRefused(refused) => self.refused.push(refused),
+            Message::SpindleRequest(request) => panic!("no spindle speed was decided: {request:?}"),
             Message::Ended(ended) => return Ok(Some(ended)),
             Message::Started(started) => panic!("a second start {started:?}"),
         }
@@ -446,10 +446,7 @@ async fn what_a_run_cannot_do_is_refused_before_anything_moves() {
     // Beyond what the chip of its vibration was judged up to.
     let mut unjudged = config();
     unjudged.rules.as_mut().unwrap().feed_bounds = Some(OverrideBounds { lower: 0.1, upper: 1.6 });
-    let mut spindle = config();
-    let rule = TurningRule { lower_deg: -0.1, upper_deg: 0.1, ..Default::default() };
-    spindle.rules.as_mut().unwrap().spindle = Some(SpindleRule { rule: Some(Rule::Turning(rule)) });
-    for unfit in [too_fast, unjudged, spindle] {
+    for unfit in [too_fast, unjudged] {
         let request = SetMonitoringRequest { job: job.name.clone(), config: Some(unfit) };
         monitoring.set_monitoring(request).await.unwrap();
         let start = RunStart { target: target(), ..Default::default() };

@@ -3,12 +3,14 @@
 use std::collections::VecDeque;
 
 use feedwave_contract::proto::decision_inputs::Evidence;
+use feedwave_contract::proto::machine_event::Event;
 use feedwave_contract::proto::run_request::Message as Request;
 use feedwave_contract::proto::run_response::Message;
 use feedwave_contract::proto::run_start::Target;
 use feedwave_contract::proto::{
-    ChannelPair, Decision, DecisionAction, GetRunRequest, MonitorState, RunCommand, RunCommandKind, RunCredit,
-    RunReceipt, RunRequest, RunResponse, RunStart, RunStarted, TelemetryBatch,
+    ChannelPair, Decision, DecisionAction, GetRunRequest, MachineEvent, MonitorState, RunCommand, RunCommandKind,
+    RunCredit, RunReceipt, RunRequest, RunResponse, RunSpindleRequest, RunStart, RunStarted, SpindleAnswer,
+    SpindleAnswerKind, TelemetryBatch,
 };
 use feedwave_cutting::SetpointBlock;
 use feedwave_monitoring::{Batch, Pair};
@@ -267,9 +269,31 @@ impl Drive {
             Some(Message::Ended(ended)) => self.summary.end = Some(ended),
             // Another condition was raised in between: it has to be acknowledged, too.
             Some(Message::CommandRefused(_)) => self.feed_held = true,
+            Some(Message::SpindleRequest(request)) => self.turn(request).await?,
             Some(Message::Started(_)) => return Err(broken("a run began twice")),
             None => return Err(broken("a run ended without saying so")),
         }
+        Ok(())
+    }
+
+    /// Turns at the speed that is requested between two sections, and says so.
+    async fn turn(&mut self, request: RunSpindleRequest) -> Result<(), CliError> {
+        let mut batches = Vec::new();
+        let mut sink = |batch: &Batch<'_>| batches.push(batch_to_proto(batch));
+        let rev_per_min = request.rev_per_min;
+        self.machine.idle(STRETCH_S, rev_per_min.unwrap_or_default(), &mut sink).map_err(|error| unable(&error))?;
+        self.machine.flush(&mut sink);
+        let answer = SpindleAnswer {
+            decision_number: request.decision_number,
+            kind: SpindleAnswerKind::Reached.into(),
+            reached_ns: Some(self.machine.clock_ns()),
+            rev_per_min,
+            note: String::new(),
+        };
+        if let Some(last) = batches.last_mut() {
+            last.events.push(MachineEvent { event: Some(Event::SpindleAnswer(answer)) });
+        }
+        self.send(batches).await;
         Ok(())
     }
 
@@ -304,7 +328,11 @@ impl Drive {
         on(decision)?;
         self.feed_held |= decision.outcome.is_some_and(|outcome| outcome.action() == DecisionAction::HoldFeed);
         if let Some(after) = decision.outcome.and_then(|outcome| outcome.after) {
-            self.machine.set_spindle_override(after.spindle).map_err(|error| unable(&error))?;
+            // A planned speed is part of the setpoints.
+            let plan = decision.inputs.as_ref().and_then(|inputs| inputs.spindle_plan.as_ref());
+            if plan.is_none_or(|plan| !plan.planned) {
+                self.machine.set_spindle_override(after.spindle).map_err(|error| unable(&error))?;
+            }
             let time_s = decision.sensor_time_ns as f64 * 1e-9;
             self.trace.decide(time_s, after.feed);
             let evidence = decision.inputs.as_ref().and_then(|inputs| inputs.evidence.as_ref());

@@ -191,7 +191,7 @@ impl Builder {
         self.state.functions.oscillation.close_section(planner, findings);
     }
 
-    pub(super) fn close_thread(&mut self, config: &PipelineConfig, findings: &mut FindingLog) {
+    pub(crate) fn close_thread(&mut self, config: &PipelineConfig, findings: &mut FindingLog) {
         let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
         self.state.functions.threads.close(&config.thread_inputs(), analysis, findings);
     }

@@ -14,7 +14,7 @@ use feedwave_motion::{
 };
 use feedwave_program::{
     DwellTime, Finding, FindingLog, MachineCommand, MachineEffect, Move, MoveKind, Operation, OperationKind,
-    PathControl, Position, SourceSpan, Spindle,
+    PathControl, Position, SourceSpan, Spindle, ThreadKind,
 };
 use serde::{Deserialize, Serialize};
 
@@ -127,6 +127,46 @@ impl Builder {
     /// See [`crate::Pipeline::next_thread_pass`].
     pub(crate) fn next_thread_pass(&self) -> (u64, usize) {
         self.state.functions.threads.next_pass()
+    }
+
+    /// Whether the spindle speed may change before an operation that follows a cut or not: nothing that depends on it is in
+    /// progress, or would be cut at two speeds.
+    pub(crate) fn may_turn_otherwise_before(&self, operation: &Operation, follows_cut: bool) -> bool {
+        let Functions { vibration, oscillation, threads } = &self.state.functions;
+        let begins_section = || !follows_cut && (vibration.is_on() || oscillation.is_on());
+        let turns = self.state.spindle.is_turning();
+        turns
+            && match &operation.kind {
+                OperationKind::Move(mv) => mv.kind == MoveKind::Cutting && begins_section(),
+                OperationKind::Guided(guided) => guided.step.kind == MoveKind::Cutting && begins_section(),
+                // All passes of a thread, and both strokes of a tap, are cut at one speed.
+                OperationKind::Thread(mv) => mv.kind == ThreadKind::Turned && threads.would_begin(mv, operation.span),
+                OperationKind::Function(command) => !command.on,
+                OperationKind::Tool { .. } => true,
+                OperationKind::Stop { .. } => !threads.is_open(),
+                _ => false,
+            }
+    }
+
+    /// Has the path rest on the grid, with everything closed that is in progress.
+    pub(crate) fn rest_between(
+        &mut self,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        self.flush(config, planner, findings);
+        if self.state.functions.threads.is_waiting() {
+            self.flush_threads(config, planner, findings);
+        }
+        self.close_section(planner, findings);
+        planner.push_barrier(Barrier::Align);
+    }
+
+    /// The spindle turns like this from here on.
+    pub(crate) fn turn_spindle(&mut self, spindle: Spindle, planner: &mut Planner<Barrier>) {
+        self.state.spindle = spindle;
+        planner.push_barrier(Barrier::Spindle(spindle));
     }
 
     /// What to look ahead for before an operation; nothing for most.

@@ -18,6 +18,8 @@ pub(crate) enum Barrier {
         /// Source line of the dwell.
         line: u32,
     },
+    /// Rest on the grid, so that the resting point is a setpoint.
+    Align,
     /// The spindle's state changes.
     Spindle(Spindle),
     /// The program ends.

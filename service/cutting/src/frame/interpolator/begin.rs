@@ -33,6 +33,7 @@ impl Interpolator {
             &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
                 self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
             }
+            Planned::Barrier(Barrier::Align) => self.align_then(After::LeaveMotion),
             &Planned::Barrier(Barrier::Spindle(spindle)) => {
                 self.state.spindle = spindle;
                 self.state.track.advance(self.state.functions.reach_back_mm());

@@ -26,6 +26,10 @@ pub struct PipelineConfig {
     pub frame: Frame,
     /// Changes of the feed override, ascending by index. What they act on is planned at 100 % before the first.
     pub overrides: Vec<OverrideChange>,
+    /// Changes of the spindle speed, ascending by index, each at a place where one is possible. `None`: the speed is the
+    /// program's, and the pipeline stops at none of these places (docs/functions/adaptive-feed.md, "Planned changes of the
+    /// spindle speed").
+    pub spindle_changes: Option<Vec<SpindleChange>>,
     /// Tools known for this job; a `T` word outside the list is a finding when the list is not empty.
     pub tools: Vec<Tool>,
     /// Names of the job's further program files, in the order of their places ([`feedwave_program::Place::program`] 1 and on).
@@ -48,6 +52,7 @@ impl PipelineConfig {
             vibration_envelope,
             frame: Frame::Machine,
             overrides: Vec::new(),
+            spindle_changes: None,
             tools: Vec::new(),
             programs: Arc::new([]),
             oscillation: OscillationRequest::default(),
@@ -109,5 +114,15 @@ pub struct OverrideChange {
     /// Index of the setpoint at whose instant it changes.
     pub index: u64,
     /// Ratio of the feed to the programmed one, 0 (feed hold) to 2.
+    pub ratio: f64,
+}
+
+/// A change of the spindle speed at a place where it is possible ([`crate::Pipeline::place_between`]).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpindleChange {
+    /// Index of the first setpoint behind the place.
+    pub index: u64,
+    /// Ratio of the speed to the programmed one, positive.
     pub ratio: f64,
 }

@@ -2,6 +2,7 @@
 
 mod config;
 mod overrides;
+mod places;
 mod reading;
 
 use std::collections::VecDeque;
@@ -27,9 +28,12 @@ use crate::shared::setpoint::{BLOCK_LENGTH, Frame, SetpointBlock};
 
 pub use overrides::AppendError;
 use overrides::OverrideState;
+pub use places::SpindleChangeError;
+use places::SpindleState;
 
 pub use config::{
     DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, PipelineConfig,
+    SpindleChange,
 };
 
 /// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
@@ -47,7 +51,8 @@ pub enum Step {
     /// Program bytes from this place on are needed: [`Pipeline::push`], or [`Pipeline::finish_input`] where the program
     /// ends there, then call again with the same block.
     NeedInput(Place),
-    /// The block was filled; it may be short at the end of a program and where the feed override changes.
+    /// The block was filled; it may be short at the end of a program and where the feed override changes, and empty at a
+    /// place where the spindle speed may change ([`Pipeline::place_between`]).
     Block,
     /// The program has ended; every setpoint was delivered.
     Finished,
@@ -93,6 +98,7 @@ pub struct Pipeline {
     pub(crate) interpolator: Interpolator,
     pub(crate) findings: FindingLog,
     overrides: OverrideState,
+    pub(crate) spindle: SpindleState,
     /// Whether the block in hand was begun by an earlier call.
     block_begun: bool,
 }
@@ -107,6 +113,7 @@ struct Snapshot {
     planner: Planner<Barrier>,
     interpolator: interpolator::State,
     overrides: OverrideState,
+    spindle: SpindleState,
 }
 
 /// The version and a state behind it.
@@ -164,6 +171,7 @@ impl Pipeline {
             interpolator,
             findings,
             overrides: OverrideState::default(),
+            spindle: SpindleState::default(),
             block_begun: false,
             config,
         }
@@ -187,9 +195,9 @@ impl Pipeline {
         fresh.thinning.state = snapshot.thinning;
         fresh.waiting = snapshot.waiting;
         fresh.interpolator.restore(snapshot.interpolator);
-        let Snapshot { planner, overrides, .. } = snapshot;
+        let Snapshot { planner, overrides, spindle, .. } = snapshot;
         let pages = SourcePages::from(interpreter.place());
-        Ok(Self { pages, reader: Reader::new(interpreter), planner, overrides, ..fresh })
+        Ok(Self { pages, reader: Reader::new(interpreter), planner, overrides, spindle, ..fresh })
     }
 
     /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
@@ -206,6 +214,7 @@ impl Pipeline {
             planner: self.planner.clone(),
             interpolator: self.interpolator.state().clone(),
             overrides: self.overrides,
+            spindle: self.spindle,
         };
         encoded(&snapshot)
     }
@@ -295,6 +304,7 @@ impl Pipeline {
     /// [`Pipeline::next_block`] with at most so many setpoints, for a caller that waits for the first ones. `most` is 1
     /// to [`BLOCK_LENGTH`]; beyond, the nearest of the two holds.
     pub fn next_setpoints(&mut self, block: &mut SetpointBlock, most: usize) -> Step {
+        self.leave_place();
         if !self.block_begun {
             block.clear(self.interpolator.next_index());
             self.block_begun = true;
@@ -330,6 +340,9 @@ impl Pipeline {
                     None => {
                         if self.planner.is_held() && self.rest_in_feed_hold() {
                             continue;
+                        }
+                        if self.reaches_place() {
+                            break;
                         }
                         if self.read_line() == Reading::NeedInput {
                             return Step::NeedInput(self.pages.wanted());

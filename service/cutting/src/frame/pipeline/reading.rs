@@ -30,7 +30,8 @@ impl Pipeline {
         if self.thinning.is_on() || matches!(&operation.kind, OperationKind::Function(command) if is_switch(command)) {
             return self.thin(operation);
         }
-        if !self.waiting.is_empty() || matches!(operation.kind, OperationKind::Guided(_)) {
+        let waits = !self.waiting.is_empty() || self.config.spindle_changes.is_some();
+        if waits || matches!(operation.kind, OperationKind::Guided(_)) {
             return self.waiting.push_back(operation);
         }
         self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
@@ -60,6 +61,10 @@ impl Pipeline {
     /// Hands on what waits for the builder, for which it may have to look ahead.
     fn hand_on(&mut self) -> Reading {
         while let Some(operation) = self.waiting.front() {
+            if self.stops_before(operation) {
+                self.rest_between();
+                return Reading::More;
+            }
             if self.scout.is_none()
                 && let Some(ahead) = self.builder.ahead(operation, &self.config)
             {
@@ -73,7 +78,8 @@ impl Pipeline {
                 self.builder.chosen = Some(chosen);
                 self.scout = None;
             }
-            if let Some(operation) = self.waiting.pop_front() {
+            if let Some(mut operation) = self.waiting.pop_front() {
+                self.spindle.pass(&mut operation, self.config.spindle_changes.is_some());
                 self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
             }
         }

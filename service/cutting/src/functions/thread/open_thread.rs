@@ -74,20 +74,14 @@ impl OpenThread {
         Self { mode, job, tool: mv.tool, work_offset, moves_across: false, last_line: first.span.line }
     }
 
-    /// Whether a pass belongs to this thread.
-    pub(super) fn takes(
-        &self,
-        first: &ThreadBlock,
-        path: &PassPath,
-        mode: Option<Mode>,
-        findings: &mut FindingLog,
-    ) -> bool {
+    /// Whether a pass is one of this thread by everything but its speed and depth.
+    fn fits(&self, first: &ThreadBlock, mode: Option<Mode>) -> bool {
         let (mv, geometry) = (&first.mv, &self.job.geometry);
         let lead_axis = geometry.lead_axis;
         let along = lead_axis.along().index();
         let travel_mm = mv.end[along] - mv.start[along];
         let apart_mm = LEADS_APART * geometry.lead_mm;
-        let is_same = self.mode == mode
+        self.mode == mode
             && first.lead_axis() == lead_axis
             && self.tool == mv.tool
             && self.work_offset == [mv.work_offset[X], mv.work_offset[Z]]
@@ -97,9 +91,26 @@ impl OpenThread {
             && (mv.start[along] - geometry.start_mm).abs() <= apart_mm
             && (mv.end[along] - geometry.end_mm).abs() <= apart_mm
             && (mv.spindle.direction == SpindleDirection::CounterClockwise)
-                == (geometry.rotation == SpindleRotation::Reverse);
+                == (geometry.rotation == SpindleRotation::Reverse)
+    }
+
+    /// Whether a pass is one of this thread, whatever its speed.
+    pub(super) fn is_same_thread(&self, first: &ThreadBlock, mode: Option<Mode>) -> bool {
+        // Without vibration nothing says where a thread begins: a return to a smaller depth does.
+        let goes_back = mode.is_none() && self.goes_back(first);
+        self.fits(first, mode) && !goes_back && (mode.is_some() || self.job.passes.len() < MAX_THREAD_PASSES)
+    }
+
+    /// Whether a pass belongs to this thread.
+    pub(super) fn takes(
+        &self,
+        first: &ThreadBlock,
+        path: &PassPath,
+        mode: Option<Mode>,
+        findings: &mut FindingLog,
+    ) -> bool {
         let rev_per_min = 60.0 * path.rev_per_s();
-        if is_same && rev_per_min != self.job.spindle_rev_per_min {
+        if rev_per_min != self.job.spindle_rev_per_min && self.fits(first, mode) {
             let message = format!(
                 "the spindle turns at {rev_per_min} rev/min, at {} rev/min in the pass before: the lead axis comes into \
                  step at another place, beside the groove",
@@ -114,9 +125,7 @@ impl OpenThread {
             );
             return false;
         }
-        // Without vibration nothing says where a thread begins: a return to a smaller depth does.
-        let goes_back = mode.is_none() && self.goes_back(first);
-        is_same && !goes_back && (mode.is_some() || self.job.passes.len() < MAX_THREAD_PASSES)
+        self.is_same_thread(first, mode)
     }
 
     /// Depth of the tool, mm across the lead, and travel of its start position.

@@ -116,6 +116,18 @@ impl Threads {
         self.blocks.last().is_some_and(|last| !last.goes_on_in(mv))
     }
 
+    /// Whether passes may still join a thread.
+    pub(crate) const fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Whether a block begins a thread: none is in progress that it would be a pass or a part of.
+    pub(crate) fn would_begin(&self, mv: &ThreadMove, span: SourceSpan) -> bool {
+        let block = ThreadBlock { mv: mv.clone(), span };
+        let mode = self.switch.on().copied();
+        self.blocks.is_empty() && self.open.as_ref().is_none_or(|open| !open.is_same_thread(&block, mode))
+    }
+
     /// Takes in a threading block of the pass in hand.
     pub(crate) fn add_block(&mut self, mv: &ThreadMove, span: SourceSpan, findings: &mut FindingLog) {
         let blocks = &mut self.blocks;

@@ -4,14 +4,14 @@ use std::fmt;
 use std::str::FromStr;
 
 use feedwave_contract::proto;
-use feedwave_cutting::OverrideChange;
+use feedwave_cutting::{OverrideChange, SpindleChange};
 use feedwave_store::RunOverride;
 use proto::FeedChangeCause;
 
 use crate::error::{Error, Result};
 
 /// Why the feed changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Cause {
     /// The decision with this number.
     Decision(u64),
@@ -22,6 +22,8 @@ pub(crate) enum Cause {
     Abort,
     /// The decision with this number holds the feed.
     Escalation(u64),
+    /// A planned change of the spindle speed, of which the decision with this number says that it is reached.
+    Spindle(u64, SpindleChange),
 }
 
 impl fmt::Display for Cause {
@@ -33,6 +35,8 @@ impl fmt::Display for Cause {
             Self::Stop(number) => write!(f, "stop {number}"),
             Self::Abort => f.write_str("abort"),
             Self::Escalation(number) => write!(f, "escalation {number}"),
+            // The shortest decimals that are this ratio.
+            Self::Spindle(number, SpindleChange { index, ratio }) => write!(f, "spindle {number} {index} {ratio}"),
         }
     }
 }
@@ -42,6 +46,11 @@ impl FromStr for Cause {
 
     fn from_str(text: &str) -> Result<Self> {
         let (word, number) = text.split_once(' ').unwrap_or((text, ""));
+        if word == "spindle"
+            && let Some(cause) = spindle_cause(number)
+        {
+            return Ok(cause);
+        }
         match (word, number.parse()) {
             ("decision", Ok(number)) => Ok(Self::Decision(number)),
             ("stop", Ok(number)) => Ok(Self::Stop(number)),
@@ -54,11 +63,19 @@ impl FromStr for Cause {
     }
 }
 
+fn spindle_cause(words: &str) -> Option<Cause> {
+    let mut words = words.split(' ');
+    let (number, index) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+    let ratio = words.next()?.parse().ok()?;
+    words.next().is_none().then_some(Cause::Spindle(number, SpindleChange { index, ratio }))
+}
+
 /// A stored change as the contract has it.
 ///
 /// # Errors
 /// [`Error::Internal`] for a cause that nothing writes.
 pub(crate) fn feed_change_to_proto(change: &RunOverride) -> Result<proto::RunFeedChange> {
+    let mut spindle = None;
     let (cause, decision_number) = match change.cause.parse()? {
         Cause::Decision(number) => (FeedChangeCause::Decision, number),
         Cause::Hold => (FeedChangeCause::Hold, 0),
@@ -66,9 +83,13 @@ pub(crate) fn feed_change_to_proto(change: &RunOverride) -> Result<proto::RunFee
         Cause::Stop(number) => (FeedChangeCause::Stop, number),
         Cause::Abort => (FeedChangeCause::Abort, 0),
         Cause::Escalation(number) => (FeedChangeCause::Escalation, number),
+        Cause::Spindle(number, SpindleChange { index, ratio }) => {
+            spindle = Some(proto::RunSpindleChange { setpoint_index: index, ratio });
+            (FeedChangeCause::Spindle, number)
+        }
     };
     let RunOverride { setpoint_index, ratio, .. } = *change;
-    Ok(proto::RunFeedChange { setpoint_index, ratio, cause: cause.into(), decision_number })
+    Ok(proto::RunFeedChange { setpoint_index, ratio, cause: cause.into(), decision_number, spindle })
 }
 
 /// The log of feed changes of a run, and what the operator and the decisions request now.
@@ -81,17 +102,23 @@ pub(super) struct Feed {
     pub(super) ending: Option<Cause>,
     /// Cause of the next change, where there is one.
     cause: Option<Cause>,
+    /// A change of the spindle speed that is to be logged.
+    spindle: Option<Cause>,
 }
 
 impl Feed {
     /// As the log left it.
     pub(super) fn new(log: &[RunOverride]) -> Result<Self> {
         let last: Option<Cause> = log.last().map(|last| last.cause.parse()).transpose()?;
+        // What holds the feed is what came before the changes of the spindle speed.
+        let lasting =
+            log.iter().rev().map(|change| change.cause.parse()).find(|cause| !matches!(cause, Ok(Cause::Spindle(..))));
         Ok(Self {
             log: log.to_vec(),
-            held: last == Some(Cause::Hold),
+            held: lasting.transpose()? == Some(Cause::Hold),
             ending: last.filter(|last| matches!(last, Cause::Stop(_) | Cause::Abort)),
             cause: None,
+            spindle: None,
         })
     }
 
@@ -105,13 +132,24 @@ impl Feed {
         self.log.iter().map(|change| OverrideChange { index: change.setpoint_index, ratio: change.ratio }).collect()
     }
 
+    /// Changes of the spindle speed so far, for the pipeline.
+    pub(super) fn spindle_changes(&self) -> Result<Vec<SpindleChange>> {
+        let causes = self.log.iter().map(|change| change.cause.parse());
+        causes.filter_map(|cause| spindle_of(cause).transpose()).collect()
+    }
+
+    /// Logs a change of the spindle speed with the next change of the feed.
+    pub(super) const fn set_spindle(&mut self, decision: u64, change: SpindleChange) {
+        self.spindle = Some(Cause::Spindle(decision, change));
+    }
+
     /// Sets the cause of the next change of the feed.
     pub(super) fn set_cause(&mut self, cause: Cause) {
         match cause {
             Cause::Hold => self.held = true,
             Cause::Resume => self.held = false,
             Cause::Stop(_) | Cause::Abort => self.ending = self.ending.or(Some(cause)),
-            Cause::Decision(_) | Cause::Escalation(_) => {}
+            Cause::Decision(_) | Cause::Escalation(_) | Cause::Spindle(..) => {}
         }
         self.cause = Some(cause);
     }
@@ -120,14 +158,15 @@ impl Feed {
     pub(super) fn change(&mut self, decided: f64, index: u64) -> Option<RunOverride> {
         let rest = self.held || self.ending.is_some();
         let ratio = if rest { 0.0 } else { decided };
-        let cause = self.cause.take();
+        let spindle = self.spindle.take();
+        let cause = spindle.or(self.cause.take());
         let now = self.log.last().map_or(1.0, |last| last.ratio);
         // A hold is noted even where an escalation holds the feed already, so that it is known when the run is taken up.
         let marks = self.log.last().is_some_and(|last| cause.is_some_and(|cause| changes_kind(&last.cause, cause)));
-        if ratio == now && !marks {
+        if ratio == now && !marks && spindle.is_none() {
             return None;
         }
-        let cause = self.ending.or(cause)?;
+        let cause = spindle.or(self.ending).or(cause)?;
         let number = self.log.len() as u64;
         let change = RunOverride { number, setpoint_index: index, ratio, cause: cause.to_string() };
         self.log.push(change.clone());
@@ -135,12 +174,19 @@ impl Feed {
     }
 }
 
+fn spindle_of(cause: Result<Cause>) -> Result<Option<SpindleChange>> {
+    cause.map(|cause| match cause {
+        Cause::Spindle(_, change) => Some(change),
+        _ => None,
+    })
+}
+
 /// Whether a change for this cause says something about the run that the last one did not.
 fn changes_kind(last: &str, cause: Cause) -> bool {
     match cause {
         Cause::Stop(_) | Cause::Abort => !last.starts_with("stop") && !last.starts_with("abort"),
         Cause::Hold => last.starts_with("escalation"),
-        Cause::Resume | Cause::Decision(_) | Cause::Escalation(_) => false,
+        Cause::Resume | Cause::Decision(_) | Cause::Escalation(_) | Cause::Spindle(..) => false,
     }
 }
 
@@ -179,11 +225,37 @@ mod tests {
 
     #[test]
     fn causes_survive_the_log() {
-        for cause in
-            [Cause::Decision(7), Cause::Hold, Cause::Resume, Cause::Stop(0), Cause::Abort, Cause::Escalation(3)]
-        {
+        let spindle = Cause::Spindle(4, SpindleChange { index: 1_500, ratio: 0.1 + 0.2 });
+        for cause in [
+            Cause::Decision(7),
+            Cause::Hold,
+            Cause::Resume,
+            Cause::Stop(0),
+            Cause::Abort,
+            Cause::Escalation(3),
+            spindle,
+        ] {
             assert_eq!(cause.to_string().parse::<Cause>().unwrap(), cause);
         }
         assert!("decision x".parse::<Cause>().is_err());
+        assert!("spindle 4 1500".parse::<Cause>().is_err());
+        assert!("spindle 4 1500 0.9 1".parse::<Cause>().is_err());
+    }
+
+    #[test]
+    fn a_change_of_the_spindle_is_logged_though_the_feed_stays_and_ends_no_hold() {
+        let mut feed = Feed::new(&[]).unwrap();
+        feed.set_cause(Cause::Hold);
+        feed.change(1.0, 5);
+        let change = SpindleChange { index: 20, ratio: 0.9 };
+        feed.set_spindle(3, change);
+        feed.set_cause(Cause::Decision(4));
+        let logged = feed.change(0.9, 20).unwrap();
+        assert_eq!((logged.ratio, logged.cause.as_str()), (0.0, "spindle 3 20 0.9"));
+        let again = Feed::new(feed.log()).unwrap();
+        assert!(again.held);
+        assert_eq!(again.spindle_changes().unwrap(), [change]);
+        feed.set_cause(Cause::Resume);
+        assert_eq!(feed.change(0.9, 30).unwrap().ratio, 0.9);
     }
 }

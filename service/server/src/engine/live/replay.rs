@@ -5,7 +5,7 @@ use std::ops::Range;
 use feedwave_contract::convert::decision_from_proto;
 use feedwave_contract::proto;
 use feedwave_cutting::PipelineConfig;
-use feedwave_monitoring::decide;
+use feedwave_monitoring::{Overrides, decide};
 use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunMark, RunOverride, Store};
 use proto::ReplayRunResponse;
 use tokio::sync::OwnedSemaphorePermit;
@@ -50,8 +50,8 @@ impl Engine {
         let place = inner.stream_places.clone().try_acquire_owned().map_err(overloaded)?;
         let mut differences = Differences::default();
         let overrides = inner.store.run_overrides(run.id).await?;
-        let (decisions, feeds) = decide_again(&inner.store, &run, &mut differences).await?;
-        check_changes(&overrides, &feeds, &mut differences)?;
+        let (decisions, decided) = decide_again(&inner.store, &run, &mut differences).await?;
+        check_changes(&overrides, &decided, &mut differences)?;
         let stored_digest = run.setpoints.digest.filter(|_| config.is_some());
         let mut response = ReplayRunResponse {
             decision_count: decisions,
@@ -99,7 +99,10 @@ impl Engine {
         if start_index > sent {
             return Err(beyond_end(start_index, sent));
         }
-        let changes = Feed::new(overrides)?.changes();
+        let feed = Feed::new(overrides)?;
+        let changes = feed.changes();
+        let spindle_changes = config.spindle_changes.is_some().then(|| feed.spindle_changes()).transpose()?;
+        let config = PipelineConfig { spindle_changes, ..config };
         let start = self.run_near(run.id, &config, &changes, start_index).await?;
         let first = start.pipeline.next_index();
         let marks = inner.store.run_marks(run.id).await?;
@@ -162,38 +165,49 @@ fn generate(
     Ok(Generated { first, count: setpoints.next_index(), digest: setpoints.digest(), differs })
 }
 
-/// Makes every decision again; how many there were, and the feed after each.
-async fn decide_again(store: &Store, run: &Run, differences: &mut Differences) -> Result<(u64, Vec<f64>)> {
+/// Makes every decision again; how many there were, and the overrides after each.
+async fn decide_again(store: &Store, run: &Run, differences: &mut Differences) -> Result<(u64, Vec<Overrides>)> {
     let filter = DecisionFilter { run_id: Some(run.id), ..DecisionFilter::default() };
-    let mut feeds: Vec<f64> = Vec::new();
+    let mut made: Vec<Overrides> = Vec::new();
+    let unknown = Overrides { feed: f64::NAN, spindle: f64::NAN };
     let mut after = 0;
     loop {
         let records = store.decisions_after(after, &filter, MAX_DECISIONS).await?;
-        let Some(last) = records.last() else { return Ok((feeds.len() as u64, feeds)) };
+        let Some(last) = records.last() else { return Ok((made.len() as u64, made)) };
         after = last.sequence;
         for record in &records {
-            let number = feeds.len() as u64;
+            let number = made.len() as u64;
             differences.require(record.number == number, || format!("decision {number} is missing"));
             let decision = decision_from_record(record)?;
             let decided = decision_from_proto(&decision);
             differences.require(decided.as_ref().is_some_and(|(inputs, outcome)| decide(inputs) == *outcome), || {
                 format!("decision {} does not follow from its inputs", record.number)
             });
-            feeds.push(decided.map_or(f64::NAN, |(_, outcome)| outcome.after.feed));
+            made.push(decided.map_or(unknown, |(_, outcome)| outcome.after));
         }
     }
 }
 
 /// Compares the changes of the feed with the decisions that brought them.
-fn check_changes(overrides: &[RunOverride], feeds: &[f64], differences: &mut Differences) -> Result<()> {
+fn check_changes(overrides: &[RunOverride], decided: &[Overrides], differences: &mut Differences) -> Result<()> {
+    let after = |number: u64| usize::try_from(number).ok().and_then(|number| decided.get(number).copied());
+    let is_decided = |ratio| decided.iter().any(|overrides| overrides.feed == ratio);
     for change in overrides {
         let expected = match change.cause.parse()? {
             Cause::Hold | Cause::Stop(_) | Cause::Abort => Some(0.0),
-            Cause::Decision(number) | Cause::Escalation(number) => {
-                usize::try_from(number).ok().and_then(|number| feeds.get(number).copied())
+            Cause::Decision(number) | Cause::Escalation(number) => after(number).map(|overrides| overrides.feed),
+            Cause::Spindle(number, spindle) => {
+                differences.require(after(number).is_some_and(|overrides| overrides.spindle == spindle.ratio), || {
+                    format!(
+                        "the spindle at setpoint {} has an override of {}, not what decision {number} says",
+                        spindle.index, spindle.ratio
+                    )
+                });
+                // Held, or the feed decided last.
+                (change.ratio == 0.0 || is_decided(change.ratio)).then_some(change.ratio)
             }
             // The feed decided last; which decision that was, the log does not say.
-            Cause::Resume => (change.ratio == 1.0 || feeds.contains(&change.ratio)).then_some(change.ratio),
+            Cause::Resume => (change.ratio == 1.0 || is_decided(change.ratio)).then_some(change.ratio),
         };
         differences.require(expected == Some(change.ratio), || {
             format!(

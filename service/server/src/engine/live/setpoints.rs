@@ -1,7 +1,9 @@
 //! The setpoints of a run, chunk by chunk, with the digest of all that were handed out.
 
 use feedwave_contract::proto;
-use feedwave_cutting::{BLOCK_LENGTH, OverrideChange, Pipeline, SetpointBlock, Step};
+use feedwave_cutting::{
+    BLOCK_LENGTH, OverrideChange, Pipeline, SetpointBlock, SpindleChange, SpindleTrial, Step, TrialStep,
+};
 use feedwave_program::Severity;
 use feedwave_store::RunCheckpoint;
 use sha2::{Digest as _, Sha256};
@@ -129,6 +131,45 @@ impl Setpoints {
         self.pipeline.append_override(change).map_err(Error::internal)
     }
 
+    /// The place between sections at which the generator has stopped and whose spindle speed is not decided: the first setpoint
+    /// behind it. What was handed out once was decided.
+    pub(super) fn open_place(&self) -> Option<u64> {
+        let decided = self.expected.map_or(0, |(count, _)| count).max(self.first_index);
+        self.pipeline.place_between().filter(|index| *index >= decided && !self.pipeline.has_change_at_place())
+    }
+
+    /// Spindle override at the next setpoint.
+    pub(super) fn spindle_ratio(&self) -> f64 {
+        self.pipeline.spindle_ratio()
+    }
+
+    /// Spindle speed at the place with this override, rev/min, where it is one.
+    pub(super) fn rev_per_min_at(&self, spindle: f64) -> Option<f64> {
+        self.pipeline.programmed_rev_per_min().map(|programmed| programmed * spindle)
+    }
+
+    /// Begins to judge another spindle speed for what follows the place.
+    pub(super) fn trial(&self, spindle: f64) -> Option<SpindleTrial> {
+        SpindleTrial::new(&self.pipeline, spindle)
+    }
+
+    /// Goes on with a trial.
+    pub(super) fn judge(&mut self, trial: &mut SpindleTrial) -> Result<TrialStep> {
+        let step = trial.step();
+        let TrialStep::NeedInput(place) = step else { return Ok(step) };
+        match self.source.read(place)? {
+            Some(bytes) => trial.push(&bytes),
+            None => trial.finish_input(),
+        }
+        Ok(TrialStep::More)
+    }
+
+    /// Changes the spindle speed at the place.
+    pub(super) fn turn(&mut self, change: SpindleChange) -> Result<()> {
+        let done = self.pipeline.append_spindle_change(change.ratio).map_err(Error::internal)?;
+        if done == change { Ok(()) } else { Err(Error::internal("a spindle speed was changed at another place")) }
+    }
+
     /// The next setpoints before `end`, which lies after [`Setpoints::next_index`].
     pub(super) fn next(&mut self, end: u64) -> Result<Next> {
         let next = self.next_index();
@@ -150,6 +191,10 @@ impl Setpoints {
             }
         }
         let block = &self.block;
+        if block.is_empty() {
+            // A place between sections.
+            return Ok(Next::Passed);
+        }
         add_rows(block, &mut self.rows);
         self.digest.update(&self.rows);
         self.at_rest = block.feed_mm_per_min.last() == Some(&0.0);

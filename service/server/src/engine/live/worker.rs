@@ -14,6 +14,7 @@ use super::checkpoint;
 use super::feed::{Cause, Feed, feed_change_to_proto};
 use super::receipts::Receipts;
 use super::setpoints::{Next, Setpoints};
+use super::spindle::{Gate, change_of};
 use super::view::{LiveView, Reached};
 use super::{CHUNKS_IN_FLIGHT, LiveInput, MESSAGES_IN_FLIGHT, Message, Outgoing};
 use crate::engine::session::Session;
@@ -35,6 +36,8 @@ enum Wake {
     /// Setpoints have waited too long for a receipt.
     Overdue,
     Commit,
+    /// A spindle speed is judged: there is something to compute.
+    Judge,
     /// The floor is to be told how things are.
     Show,
     Ended(Error),
@@ -45,6 +48,7 @@ pub(super) struct Worker {
     session: Session,
     setpoints: Setpoints,
     feed: Feed,
+    gate: Gate,
     view: LiveView,
     input: mpsc::Receiver<LiveInput>,
     /// Whether the client may say more.
@@ -70,6 +74,7 @@ impl Worker {
         session: Session,
         setpoints: Setpoints,
         feed: Feed,
+        gate: Gate,
         view: LiveView,
         receipts: Receipts,
         input: mpsc::Receiver<LiveInput>,
@@ -84,6 +89,7 @@ impl Worker {
             session,
             setpoints,
             feed,
+            gate,
             view,
             input,
             open: true,
@@ -108,6 +114,8 @@ impl Worker {
     }
 
     fn work(&mut self) -> Result<()> {
+        // Wherever it was before, the place has to be reached again.
+        self.session.ask_for_spindle(None, None)?;
         loop {
             let mut ended = None;
             let mut cause = None;
@@ -123,10 +131,23 @@ impl Worker {
                     self.session.cut_thread(self.cuts_thread())?;
                     self.session.fall_silent()?;
                 }
-                Wake::Commit | Wake::Show => {}
+                Wake::Commit | Wake::Show | Wake::Judge => {}
                 Wake::Ended(error) => ended = Some(error),
             }
+            let is_reached = self.session.waiting_decisions().iter().any(|decision| change_of(decision).is_some());
+            let request = match self.gate.advance(&mut self.setpoints, &mut self.session, is_reached) {
+                // The refusal is durable before the stream ends.
+                Err(error @ Error::Precondition { .. }) => {
+                    ended = ended.or(Some(error));
+                    None
+                }
+                request => request?,
+            };
             for decision in self.session.waiting_decisions() {
+                if let Some(change) = change_of(decision) {
+                    self.feed.set_spindle(decision.number, change);
+                    continue;
+                }
                 match decision.outcome.action {
                     Action::Stop => self.feed.set_cause(Cause::Stop(decision.number)),
                     Action::Change => self.feed.set_cause(Cause::Decision(decision.number)),
@@ -147,6 +168,9 @@ impl Worker {
             }
             if due || change.is_some() || end.is_some() {
                 self.commit(change, end, cause)?;
+            }
+            if let Some(request) = request {
+                self.tell(Message::SpindleRequest(request), None)?;
             }
             self.view.show(
                 self.session.monitor(),
@@ -199,9 +223,11 @@ impl Worker {
         }
         let (silence, commit) = (until(self.session.silence_at()), until(self.commit_at()));
         // A client that is gone owes nothing: it says what it has when it takes the run up.
-        let overdue = until(self.receipts.overdue_at().filter(|_| self.open));
+        let overdue = until(self.overdue_at().filter(|_| self.open));
+        let judges = self.gate.is_judging();
         let show = until(self.view.presence.due());
-        let generates = self.open && self.total.is_none() && self.setpoints.next_index() < self.credit_end();
+        let within_credit = self.setpoints.next_index() < self.credit_end();
+        let generates = self.open && self.total.is_none() && within_credit && self.gate.is_open(&self.setpoints);
         let (input, ends, slots) = (&mut self.input, &self.ends, self.slots.clone());
         self.runtime.block_on(async {
             tokio::select! {
@@ -213,6 +239,7 @@ impl Worker {
                 () = overdue => Wake::Overdue,
                 Ok(place) = slots.acquire_owned(), if generates => Wake::Slot(place),
                 () = show => Wake::Show,
+                () = std::future::ready(()), if judges => Wake::Judge,
             }
         })
     }
@@ -289,8 +316,16 @@ impl Worker {
         self.setpoints.cuts_thread(self.receipts.received())
     }
 
+    /// When the patience with the client ends.
+    fn overdue_at(&self) -> Option<Instant> {
+        self.receipts.overdue_at().into_iter().chain(self.gate.overdue_at()).min()
+    }
+
     /// The client has what it was sent, or not: without receipts nobody knows, and the run is not its to keep.
     fn overdue(&self) -> Error {
+        if self.receipts.overdue_at().is_none_or(|at| at > Instant::now()) {
+            return self.gate.overdue(self.session.run_name());
+        }
         let received = self.receipts.received();
         let message = format!(
             "{} setpoints were sent and {received} acknowledged for {} s: say what was taken (RunReceipt), and take the run \
@@ -363,6 +398,10 @@ impl Worker {
         }
         if let Some(change) = change {
             self.setpoints.append(OverrideChange { index: change.setpoint_index, ratio: change.ratio })?;
+            if let Cause::Spindle(_, spindle) = change.cause.parse()? {
+                self.setpoints.turn(spindle)?;
+                self.gate.turned(spindle);
+            }
             self.tell(Message::FeedChange(feed_change_to_proto(&change)?), None)?;
         }
         if let Some(cause) = cause.filter(|_| decided) {

@@ -1,0 +1,146 @@
+//! Whether what follows a place between sections may be cut at another spindle speed: it is run as a validation would, up to the
+//! next such place, and what is found then is compared with what is found at the programmed speed.
+
+use feedwave_program::{Finding, FindingLog, Place, Severity, SourceSpan};
+
+use crate::code;
+use crate::frame::builder::Analysis;
+use crate::frame::pipeline::{OverrideChange, Pipeline, Step};
+use crate::shared::setpoint::SetpointBlock;
+
+/// What became of a step of a [`SpindleTrial`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum TrialStep {
+    /// Program bytes from this place on are needed: [`SpindleTrial::push`], or [`SpindleTrial::finish_input`].
+    NeedInput(Place),
+    /// There is more to do.
+    More,
+    /// What follows may be cut at that speed.
+    Holds,
+    /// It may not: the first condition that holds at the programmed speed and would no longer hold.
+    Fails(Box<Finding>),
+}
+
+/// Judges another spindle speed for what follows a place between sections, without touching the pipeline there.
+///
+/// The feed override is 100 %; conditions that hold for a range of overrides are judged for all that the machine permits
+/// ([`crate::MachineProfile::max_feed_override`]).
+#[derive(Debug)]
+pub struct SpindleTrial {
+    run: Run,
+    /// The same at the programmed speed; asked only where the other speed brings warnings.
+    programmed: Option<Run>,
+    /// What was found at the other speed.
+    found: Option<Vec<Finding>>,
+}
+
+#[derive(Debug)]
+struct Run {
+    pipeline: Pipeline,
+    block: SetpointBlock,
+}
+
+impl Run {
+    fn new(at_place: &Pipeline, ratio: f64) -> Self {
+        let mut pipeline = at_place.clone();
+        pipeline.findings = FindingLog::default();
+        pipeline.builder.analysis = Some(Analysis::default());
+        // A held feed would never come to the end, and what is ahead in the configuration is none of the trial's.
+        let index = pipeline.earliest_override();
+        let _ = pipeline.append_override(OverrideChange { index, ratio: 1.0 });
+        pipeline.leave_place_at(ratio);
+        let block = pipeline.new_block();
+        Self { pipeline, block }
+    }
+
+    /// Goes on by a block; what was found, at the end.
+    fn step(&mut self) -> Result<Vec<Finding>, Option<Place>> {
+        match self.pipeline.next_block(&mut self.block) {
+            Step::NeedInput(place) => return Err(Some(place)),
+            Step::Block if self.pipeline.place_between().is_none() => return Err(None),
+            Step::Block | Step::Finished | Step::Refused => {}
+        }
+        let Pipeline { builder, findings, config, spindle, .. } = &mut self.pipeline;
+        if let Some(analysis) = &mut builder.analysis {
+            analysis.functions.vibration.finish_waiting(findings);
+        }
+        builder.close_thread(config, findings);
+        let mut found = std::mem::take(findings).into_findings();
+        found.extend(spindle.above_clamp_line.map(above_clamp));
+        Ok(found)
+    }
+}
+
+fn above_clamp(line: u32) -> Finding {
+    let span = SourceSpan { line, column: 1, ..SourceSpan::default() };
+    let message =
+        "a faster spindle would exceed the highest speed that the program permits under constant surface speed";
+    Finding::new(code::SPINDLE_SPEED, span, message).suggest("permit a higher speed in the program")
+}
+
+impl SpindleTrial {
+    /// A trial of a ratio to the programmed speed; `None` where the pipeline is at no place between sections.
+    #[must_use]
+    pub fn new(pipeline: &Pipeline, ratio: f64) -> Option<Self> {
+        pipeline.place_between()?;
+        let programmed = (ratio != 1.0).then(|| Run::new(pipeline, 1.0));
+        Some(Self { run: Run::new(pipeline, ratio), programmed, found: None })
+    }
+
+    /// Goes on by at most a block of setpoints.
+    pub fn step(&mut self) -> TrialStep {
+        let Some(found) = &self.found else {
+            return match self.run.step() {
+                Ok(found) => self.judge(found),
+                Err(Some(place)) => TrialStep::NeedInput(place),
+                Err(None) => TrialStep::More,
+            };
+        };
+        match self.programmed.as_mut().map(Run::step) {
+            Some(Err(Some(place))) => TrialStep::NeedInput(place),
+            Some(Err(None)) => TrialStep::More,
+            Some(Ok(known)) => {
+                let is_new = |finding: &&Finding| {
+                    !known.iter().any(|other| other.code == finding.code && other.span.line == finding.span.line)
+                };
+                found
+                    .iter()
+                    .find(is_new)
+                    .map_or(TrialStep::Holds, |finding| TrialStep::Fails(Box::new(finding.clone())))
+            }
+            None => TrialStep::Holds,
+        }
+    }
+
+    /// Errors decide; warnings are compared with those at the programmed speed.
+    fn judge(&mut self, found: Vec<Finding>) -> TrialStep {
+        if let Some(error) = found.iter().find(|finding| finding.severity == Severity::Error) {
+            return TrialStep::Fails(Box::new(error.clone()));
+        }
+        let warnings: Vec<Finding> = found.into_iter().filter(|it| it.severity == Severity::Warning).collect();
+        if warnings.is_empty() || self.programmed.is_none() {
+            return TrialStep::Holds;
+        }
+        self.found = Some(warnings);
+        TrialStep::More
+    }
+
+    fn in_hand(&mut self) -> Option<&mut Pipeline> {
+        let run = if self.found.is_some() { self.programmed.as_mut()? } else { &mut self.run };
+        Some(&mut run.pipeline)
+    }
+
+    /// See [`Pipeline::push`].
+    pub fn push(&mut self, bytes: &[u8]) {
+        if let Some(pipeline) = self.in_hand() {
+            pipeline.push(bytes);
+        }
+    }
+
+    /// See [`Pipeline::finish_input`].
+    pub fn finish_input(&mut self) {
+        if let Some(pipeline) = self.in_hand() {
+            pipeline.finish_input();
+        }
+    }
+}
