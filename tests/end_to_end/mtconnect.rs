@@ -67,7 +67,7 @@ async fn there_is_no_agent_unless_it_is_wanted() {
 async fn the_agent_is_reached_by_its_own_names_alone() {
     let (_server, web) = agent("[auth]\nhosts = ['cell-4']\n").await;
     for (host, status) in [("evil.example", 403), ("localhost:5000", 200), ("127.0.0.1", 200), ("cell-4", 200)] {
-        let answer = web.send("GET", "/current", &[("host", host)], bytes::Bytes::new()).await;
+        let answer = web.send("GET", "/current", &[("host", host)], Bytes::new()).await;
         assert_eq!(answer.status, status, "{host}");
         assert_eq!(answer.text().contains("UNAUTHORIZED"), status == 403, "{host}");
     }
