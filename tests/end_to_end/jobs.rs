@@ -8,7 +8,7 @@ use feedwave_contract::proto::validate_program_request::On;
 use feedwave_contract::proto::{
     CancelJobRequest, CreateJobRequest, CreateMachineRequest, DeleteJobRequest, DeleteProgramRequest, GetJobRequest,
     GetMachineRequest, GetPlanSummaryRequest, GetReportRequest, GetToolRequest, JobState, ListJobEventsRequest,
-    ListJobsRequest, Severity, StreamSetpointsRequest, ValidateProgramRequest,
+    ListJobsRequest, ProgramsDeleteProgramRequest, Severity, StreamSetpointsRequest, ValidateProgramRequest,
 };
 use feedwave_tests::{SHAFT, SHAFT_CURED, Server, long_dwell, stream};
 use tonic::Code;
@@ -134,8 +134,8 @@ async fn what_does_not_exist_is_not_found() {
     let machine = GetMachineRequest { name: "machines/nowhere".to_owned() };
     let machine = clients.machines.get_machine(machine).await.unwrap_err();
     let tool = clients.tools.get_tool(GetToolRequest { name: "tools/none".to_owned() }).await.unwrap_err();
-    let program = DeleteProgramRequest { name: format!("programs/{}", "0".repeat(64)) };
-    let program = clients.jobs.delete_program(program).await.unwrap_err();
+    let program = ProgramsDeleteProgramRequest { name: format!("programs/{}", "0".repeat(64)) };
+    let program = clients.programs.delete_program(program).await.unwrap_err();
     let create = CreateJobRequest {
         machine: "machines/nowhere".to_owned(),
         source: Some(Source::InlineProgram(SHAFT.as_bytes().into())),
@@ -222,8 +222,12 @@ async fn a_deleted_job_is_gone_and_its_program_can_then_be_deleted() {
     let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let job = clients.submit("G0 X1. Z1.\nM30\n").await.job;
-    let in_use = DeleteProgramRequest { name: job.program.clone() };
-    let status = clients.jobs.delete_program(in_use.clone()).await.unwrap_err();
+    let in_use = ProgramsDeleteProgramRequest { name: job.program.clone() };
+    let status = clients.programs.delete_program(in_use.clone()).await.unwrap_err();
+    assert_eq!(status.code(), Code::FailedPrecondition, "{status:?}");
+    let former = DeleteProgramRequest { name: job.program.clone() };
+    #[expect(deprecated, reason = "it stays for those who call it")]
+    let status = clients.jobs.delete_program(former).await.unwrap_err();
     assert_eq!(status.code(), Code::FailedPrecondition, "{status:?}");
     let stale = DeleteJobRequest { name: job.name.clone(), etag: "stale".to_owned() };
     assert_eq!(clients.jobs.delete_job(stale).await.unwrap_err().code(), Code::Aborted);
@@ -231,7 +235,7 @@ async fn a_deleted_job_is_gone_and_its_program_can_then_be_deleted() {
     clients.jobs.delete_job(delete).await.unwrap();
     let gone = clients.jobs.get_job(GetJobRequest { name: job.name }).await.unwrap_err();
     assert_error(&gone, Code::NotFound, "RESOURCE_NOT_FOUND");
-    clients.jobs.delete_program(in_use).await.unwrap();
+    clients.programs.delete_program(in_use).await.unwrap();
 }
 
 #[tokio::test]

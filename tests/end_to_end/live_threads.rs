@@ -8,7 +8,7 @@ use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
     Decision, DecisionAction, DecisionReason, FeedChangeCause, MonitoringConfig, ReplayRunRequest, RunCredit, RunEnded,
     RunFeedChange, RunReceipt, RunRequest, RunResponse, RunStart, RunStarted, RunState, SetMonitoringRequest,
-    SilenceFallback, SpindleRule, TelemetryBatch, TurningRule, WatchDecisionsRequest, spindle_rule::Rule,
+    SilenceFallback, TelemetryBatch, WatchDecisionsRequest,
 };
 use feedwave_tests::Server;
 use tokio::sync::mpsc;
@@ -19,7 +19,8 @@ use crate::FEEDWAVE;
 use crate::live_runs::{batch, config};
 
 /// A cut, a thread of two seconds in line 4, and a cut.
-const THREAD: &str = "G21 G94 G97 S600 M3\nG0 X30. Z5.\nG1 Z2. F200\nG32 Z-30. F1.5\nG0 X35.\nG1 Z-60. F200\nM30\n";
+pub(crate) const THREAD: &str =
+    "G21 G94 G97 S600 M3\nG0 X30. Z5.\nG1 Z2. F200\nG32 Z-30. F1.5\nG0 X35.\nG1 Z-60. F200\nM30\n";
 const PLAIN: &str = "G21 G94 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F200\nM30\n";
 
 struct Live {
@@ -171,20 +172,6 @@ async fn decisions_hold_while_a_thread_is_handed_out_and_the_run_knows_it_by_its
     assert_eq!(run.finish().await.state(), RunState::Finished);
     drop(run);
     is_replayed(&server, &name).await;
-}
-
-#[tokio::test]
-async fn a_spindle_rule_for_a_program_in_step_with_the_spindle_is_refused() {
-    let server = Server::start(FEEDWAVE).await;
-    let mut config = config();
-    let rules = config.rules.as_mut().expect("rules");
-    let rule = Rule::Turning(TurningRule { lower_deg: -0.1, upper_deg: 0.1, ..Default::default() });
-    rules.spindle = Some(SpindleRule { rule: Some(rule) });
-    let job = monitored(&server, THREAD, config.clone()).await;
-    let status = Live::open(&server, Target::Job(job), 0).await.err().expect("refused");
-    assert!(status.message().contains("threads are tied"), "{status:?}");
-    let job = monitored(&server, PLAIN, config).await;
-    Live::open(&server, Target::Job(job), 0).await.expect("nothing speaks against it");
 }
 
 // One run for each case, which goes from the first batch to the fallback.

@@ -12,7 +12,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_tests::{Home, LiveClient, Server};
 
-use crate::{FEEDWAVE, live_runs};
+use crate::{FEEDWAVE, live_runs, live_threads};
 
 /// Two sections at 1000 rev/min. The first with D = 2.5 and 2A = 1.2 feeds per revolution breaks its chip at 1050 rev/min, but not
 /// at 1200; the second, with D = 2.1, has D = 2 at 1050 rev/min and breaks none there.
@@ -37,9 +37,9 @@ struct Driven {
 
 impl Driven {
     /// A run whose first window has been decided on, before any setpoint.
-    async fn begin(step: f64) -> Self {
+    async fn begin(program: &str, step: f64) -> Self {
         let server = Home::new(FEEDWAVE, "").start().await;
-        let job = server.connect().await.submit(SECTIONS).await.job.name;
+        let job = server.connect().await.submit(program).await.job.name;
         let mut telemetry = TelemetryClient::new(server.connect().await.channel);
         let request = SetMonitoringRequest { job: job.clone(), config: Some(faster_by(step)) };
         telemetry.set_monitoring(request).await.expect("the configuration is valid");
@@ -118,7 +118,7 @@ fn turned(setpoints: &[Vec<u64>], column: usize, index: u64) -> f64 {
 
 #[tokio::test]
 async fn a_speed_is_requested_between_sections_and_in_force_once_it_is_reached() {
-    let mut driven = Driven::begin(0.05).await;
+    let mut driven = Driven::begin(SECTIONS, 0.05).await;
     let planned = driven.run.decisions[1].clone();
     let outcome = planned.outcome.expect("an outcome");
     assert_eq!((reason(&planned), outcome.planned_spindle), (DecisionReason::AngleBelowLimit, Some(1.05)));
@@ -157,7 +157,7 @@ async fn a_speed_is_requested_between_sections_and_in_force_once_it_is_reached()
     assert_eq!((back.spindle, back.rev_per_min), (1.0, Some(1_000.0)));
     let unfit = driven.run.decisions.last().expect("a decision").clone();
     assert_eq!((reason(&unfit), unfit.number), (DecisionReason::SpindleUnfit, back.decision_number));
-    assert!(unfit.note.starts_with("VIB-CHIP-UNBROKEN in line 9"), "{}", unfit.note);
+    assert!(unfit.note.starts_with("VIB-CHIP-UNBROKEN in line 8: the chip does not break in line 9"), "{}", unfit.note);
     driven.answer(back.decision_number, SpindleAnswerKind::Reached, None).await;
     let ended = driven.run.finish().await.expect("the run comes to its end");
     assert_eq!(ended.state(), RunState::Finished);
@@ -184,7 +184,7 @@ async fn a_speed_is_requested_between_sections_and_in_force_once_it_is_reached()
 
 #[tokio::test]
 async fn a_speed_at_which_the_chip_would_not_break_is_refused_in_the_log() {
-    let mut driven = Driven::begin(0.2).await;
+    let mut driven = Driven::begin(SECTIONS, 0.2).await;
     assert_eq!(driven.run.decisions[1].outcome.and_then(|outcome| outcome.planned_spindle), Some(1.2));
     let ended = driven.run.finish().await.expect("the run comes to its end");
     assert_eq!(
@@ -194,12 +194,33 @@ async fn a_speed_at_which_the_chip_would_not_break_is_refused_in_the_log() {
     let log = driven.prove().await;
     let unfit = log.last().expect("a decision");
     assert_eq!(reason(unfit), DecisionReason::SpindleUnfit);
-    assert!(unfit.note.starts_with("VIB-CHIP-UNBROKEN in line 4"), "{}", unfit.note);
+    assert!(unfit.note.starts_with("VIB-CHIP-UNBROKEN in line 3: the chip does not break in line 4"), "{}", unfit.note);
+}
+
+#[tokio::test]
+async fn a_thread_is_cut_at_the_speed_that_was_reached_before_it() {
+    let mut driven = Driven::begin(live_threads::THREAD, 0.05).await;
+    let request = driven.requested().await;
+    assert_eq!((request.spindle, request.rev_per_min), (1.05, Some(630.0)));
+    driven.answer(request.decision_number, SpindleAnswerKind::Reached, Some(630.0)).await;
+    let ended = driven.run.finish().await.expect("the run comes to its end");
+    assert_eq!(ended.state(), RunState::Finished);
+    let columns = &driven.run.started.header.as_ref().expect("a header").columns;
+    let of = |name: &str| columns.iter().position(|column| column.name == name).expect("a column");
+    let (z, spindle) = (of("Z_mm"), of("spindle_angle_deg"));
+    let value = |index: usize, column: usize| f64::from_bits(driven.run.setpoints[index][column]);
+    let place = usize::try_from(request.setpoint_index).expect("small");
+    assert_eq!(value(place - 1, z), 2.0, "before the thread");
+    // In the middle of the thread: a revolution of 360 degrees for each 1.5 mm, 630 of them in a minute.
+    let middle = (place..driven.run.setpoints.len()).find(|&index| value(index, z) < -14.0).expect("it is cut");
+    let steps = [z, spindle].map(|column| value(middle + 1, column) - value(middle, column));
+    assert!((steps[1] - 3.78).abs() < 1e-6 && (steps[0] + 1.5 / 360.0 * 3.78).abs() < 1e-6, "{steps:?}");
+    driven.prove().await;
 }
 
 #[tokio::test]
 async fn a_speed_that_the_client_refuses_changes_nothing() {
-    let mut driven = Driven::begin(0.05).await;
+    let mut driven = Driven::begin(SECTIONS, 0.05).await;
     let request = driven.requested().await;
     let refused = driven.answer(request.decision_number, SpindleAnswerKind::Refused, None).await;
     assert_eq!(reason(&refused), DecisionReason::SpindleRefused);

@@ -6,10 +6,10 @@ use feedwave_contract::proto::interpret_request::{On, Source as InterpretSource}
 use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
-    CancelJobRequest, CreateJobRequest, DeleteJobRequest, DeleteProgramRequest, GetJobRequest, GetMonitoringRequest,
-    GetPlanSummaryRequest, GetProgramRequest, GetReportRequest, GetUploadRequest, InterpretRequest, Job, JobState,
-    ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest, ListProgramsRequest, ListRunsRequest,
-    ListUploadsRequest, ProgramFile, ReadProgramRequest, SetMonitoringRequest, StreamSetpointsRequest,
+    CancelJobRequest, CreateJobRequest, DeleteJobRequest, GetJobRequest, GetMonitoringRequest, GetPlanSummaryRequest,
+    GetProgramRequest, GetReportRequest, GetUploadRequest, InterpretRequest, Job, JobState, ListDecisionsRequest,
+    ListJobEventsRequest, ListJobsRequest, ListProgramsRequest, ListRunsRequest, ListUploadsRequest, ProgramFile,
+    ProgramsDeleteProgramRequest, ReadProgramRequest, SetMonitoringRequest, StreamSetpointsRequest,
     UploadProgramRequest, WatchJobsRequest, program_file,
 };
 use feedwave_tests::{Clients, Home, Server, patiently, sha256_hex, upload_messages};
@@ -135,7 +135,9 @@ async fn refusals(of: &mut Member, job: &str, program: &str) -> Vec<Status> {
     refused.push(of.programs().get_program(of.says(GetProgramRequest { name: program() })).await.unwrap_err());
     let read = ReadProgramRequest { name: program(), ..ReadProgramRequest::default() };
     refused.push(of.programs().read_program(of.says(read)).await.unwrap_err());
-    refused.push(jobs.delete_program(of.says(DeleteProgramRequest { name: program() })).await.unwrap_err());
+    refused.push(
+        of.programs().delete_program(of.says(ProgramsDeleteProgramRequest { name: program() })).await.unwrap_err(),
+    );
     let create = CreateJobRequest {
         machine: "machines/lathe".to_owned(),
         source: Some(Source::Program(program())),
@@ -213,8 +215,8 @@ async fn nothing_of_a_tenant_is_shown_to_another() {
     let own = others[1].clients.jobs.list_jobs(request).await.unwrap().into_inner().jobs.remove(0);
     let request = others[1].says(DeleteJobRequest { name: own.name, ..DeleteJobRequest::default() });
     others[1].clients.jobs.delete_job(request).await.unwrap();
-    let request = others[1].says(DeleteProgramRequest { name: program() });
-    others[1].clients.jobs.delete_program(request).await.unwrap();
+    let request = others[1].says(ProgramsDeleteProgramRequest { name: program() });
+    others[1].clients.programs.delete_program(request).await.unwrap();
     assert_eq!(a.received().await, (PROGRAM.len() as u64, true));
 
     figures_and_operators(&server, &mut a, &job, [&token_b, &admin_b, &operator]).await;

@@ -4,8 +4,8 @@ use bytes::Bytes;
 use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::{
-    DeleteProgramRequest, GetUploadRequest, GetUploadResponse, JobState, ListUploadsRequest, UploadProgramRequest,
-    UploadProgramResponse,
+    GetUploadRequest, GetUploadResponse, JobState, ListUploadsRequest, ProgramsDeleteProgramRequest,
+    UploadProgramRequest, UploadProgramResponse,
 };
 use feedwave_tests::{Clients, Server, many_blocks, patiently, sha256_hex, upload, upload_messages};
 use tokio::sync::mpsc;
@@ -167,7 +167,7 @@ async fn content_that_is_not_what_was_announced_is_refused() {
     assert!(!progress(&mut clients, &name).await.is_ok_and(|state| state.complete));
     // The address is not blocked: the true content can follow.
     assert_eq!(upload(&mut clients, &program).await.unwrap(), name);
-    clients.jobs.delete_program(DeleteProgramRequest { name: name.clone() }).await.unwrap();
+    clients.programs.delete_program(ProgramsDeleteProgramRequest { name: name.clone() }).await.unwrap();
     assert!(!progress(&mut clients, &name).await.is_ok_and(|state| state.complete));
 }
 
@@ -212,7 +212,7 @@ async fn headers_without_data_keep_nobody_out_for_long() {
     let uploads = programs.list_uploads(ListUploadsRequest {}).await.unwrap().into_inner().uploads;
     let shown: Vec<_> = uploads.iter().map(|upload| (upload.client.as_str(), upload.program_bytes)).collect();
     assert_eq!(shown, [("127.0.0.1", 100); 3]);
-    clients.jobs.delete_program(DeleteProgramRequest { name: uploads[0].program.clone() }).await.unwrap();
+    clients.programs.delete_program(ProgramsDeleteProgramRequest { name: uploads[0].program.clone() }).await.unwrap();
     send(&mut clients, announced(3)).await.unwrap();
 
     // They expire, whatever was limited.

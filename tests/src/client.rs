@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use bytes::Bytes;
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::machines_client::MachinesClient;
+use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::setpoints_client::SetpointsClient;
 use feedwave_contract::proto::threads_client::ThreadsClient;
 use feedwave_contract::proto::tools_client::ToolsClient;
@@ -32,6 +33,8 @@ pub struct Clients {
     pub machines: MachinesClient<Channel>,
     /// Tools.
     pub tools: ToolsClient<Channel>,
+    /// Programs.
+    pub programs: ProgramsClient<Channel>,
 }
 
 /// A job that came to its end, with its report.
@@ -69,6 +72,8 @@ impl Clients {
             threads: ThreadsClient::new(channel.clone()),
             machines: MachinesClient::new(channel.clone()),
             tools: ToolsClient::new(channel.clone()),
+            programs: ProgramsClient::new(channel.clone()),
+            programs: ProgramsClient::new(channel.clone()),
             channel,
         }
     }

@@ -191,6 +191,12 @@ fn field(descriptor: &MessageDescriptor, key: &str) -> Option<FieldDescriptor> {
     descriptor.get_field_by_name(key).or_else(|| descriptor.get_field_by_json_name(key))
 }
 
+/// The path of a field as JSON writes it: `profile.machine.axes[0].maxVelocity`.
+#[must_use]
+pub fn json_path(path: &str) -> String {
+    path.split('.').map(json_name).collect::<Vec<_>>().join(".")
+}
+
 /// The JSON name of a field.
 fn json_name(name: &str) -> String {
     let mut words = name.split('_');

@@ -53,6 +53,15 @@ impl Violations {
         }
     }
 
+    /// The same violations with the path of each field written otherwise.
+    #[must_use]
+    pub fn with_fields(mut self, written: impl Fn(&str) -> String) -> Self {
+        for violation in &mut self.listed {
+            violation.field = written(&violation.field);
+        }
+        self
+    }
+
     /// Takes the value, or adds the violation and goes on.
     pub fn check<T, E: fmt::Display>(&mut self, field: impl Into<String>, value: Result<T, E>) -> Option<T> {
         value.map_err(|error| self.add(field, error.to_string())).ok()

@@ -277,7 +277,7 @@ impl Default for LanguageSettings {
 }
 
 impl LanguageSettings {
-    /// Usual settings of a milling machine: `mill` dialect, radius X, feed per minute.
+    /// Default settings of a milling machine: `mill` dialect, radius X, feed per minute.
     #[must_use]
     pub fn mill() -> Self {
         Self {
@@ -288,7 +288,7 @@ impl LanguageSettings {
         }
     }
 
-    /// Usual settings of LinuxCNC: `linuxcnc` dialect, radius X, feed per minute, dwell in seconds.
+    /// Default settings of LinuxCNC: `linuxcnc` dialect, radius X, feed per minute, dwell in seconds.
     #[must_use]
     pub fn linuxcnc() -> Self {
         Self { dialect: DialectName::LinuxCnc, dwell_p_unit: DwellUnit::Seconds, ..Self::mill() }

@@ -22,6 +22,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use bounds::{Bounds, Panicked, bounded};
 pub(crate) use conditional::Tagged;
+use feedwave_contract::document::json_path;
 use feedwave_contract::proto::{
     GetJobRequest, GetReportRequest, GetRunRequest, GetStateRequest, JobStateCount, ListAuditEntriesRequest,
     ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest, ListRunsRequest, ListStatesRequest,
@@ -151,9 +152,13 @@ fn handler(route: Route) -> MethodRouter<HttpState> {
 /// An error as an answer.
 struct HttpError(Error);
 
+/// Fields are called as in JSON here: the services call them as the contract does.
 impl<E: Into<Error>> From<E> for HttpError {
     fn from(error: E) -> Self {
-        Self(error.into())
+        Self(match error.into() {
+            Error::Invalid(violations) => Error::Invalid(violations.with_fields(json_path)),
+            error => error,
+        })
     }
 }
 

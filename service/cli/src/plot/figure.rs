@@ -25,7 +25,7 @@ pub(super) struct Figure {
     pub(super) body: Layout,
 }
 
-/// Usual width and height of a picture, design units.
+/// Default width and height of a picture, design units.
 pub(super) const SIZE: (u32, u32) = (1_400, 900);
 
 impl Figure {

@@ -7,7 +7,8 @@ use feedwave_contract::convert;
 use feedwave_contract::proto::JobState;
 use prost_types::Timestamp;
 
-use crate::error::{Result, Violations};
+use super::HttpError;
+use crate::error::Violations;
 
 /// The parameters not taken yet.
 pub(super) struct Query {
@@ -83,11 +84,12 @@ impl Query {
     }
 
     /// Ends the reading: what was not taken is not known.
-    pub(super) fn finish(mut self) -> Result<()> {
+    pub(super) fn finish(mut self) -> Result<(), HttpError> {
         for name in std::mem::take(&mut self.parameters).into_keys() {
             self.violations.add(name, "is not a parameter of this path");
         }
-        Ok(self.violations.finish()?)
+        // Parameters are called as the client wrote them.
+        self.violations.finish().map_err(|invalid| HttpError(invalid.into()))
     }
 }
 
@@ -115,7 +117,7 @@ mod tests {
         query.number::<i32>("pageSize");
         query.states("states");
         query.time("createdFrom");
-        let Err(Error::Invalid(violations)) = query.finish() else { panic!("accepted") };
+        let Err(HttpError(Error::Invalid(violations))) = query.finish() else { panic!("accepted") };
         let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
         assert_eq!(fields, ["pageSize", "states", "createdFrom", "colour"]);
     }

@@ -127,6 +127,12 @@ async fn http_errors_are_statuses_in_json() {
     assert_eq!(get(&test, "/nothing").await.status, 404);
     let wrong = get(&test, "/v1/jobs?colour=red&pageSize=x").await;
     assert_eq!((wrong.status, &wrong.json()["code"]), (400, &serde_json::json!(3)));
+    // Fields are called as the query calls them, whoever finds the mistake.
+    for path in ["/v1/jobs?pageSize=-1", "/v1/jobs?page_size=1"] {
+        let wrong = get(&test, path).await.json();
+        let named = path.split(['?', '=']).nth(1).expect("a parameter");
+        assert_eq!(wrong["details"][0]["fieldViolations"][0]["field"], *named, "{path}: {wrong}");
+    }
     let post = http(&test, "POST", "/v1/jobs", "content-length: 0\r\n").await;
     assert_eq!((post.status, post.header("allow")), (405, "GET,HEAD"));
     assert_eq!(post.json()["code"], 12);
