@@ -73,7 +73,6 @@ impl Clients {
             machines: MachinesClient::new(channel.clone()),
             tools: ToolsClient::new(channel.clone()),
             programs: ProgramsClient::new(channel.clone()),
-            programs: ProgramsClient::new(channel.clone()),
             channel,
         }
     }

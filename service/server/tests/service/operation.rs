@@ -131,7 +131,7 @@ async fn http_errors_are_statuses_in_json() {
     for path in ["/v1/jobs?pageSize=-1", "/v1/jobs?page_size=1"] {
         let wrong = get(&test, path).await.json();
         let named = path.split(['?', '=']).nth(1).expect("a parameter");
-        assert_eq!(wrong["details"][0]["fieldViolations"][0]["field"], *named, "{path}: {wrong}");
+        assert_eq!(wrong["details"][1]["fieldViolations"][0]["field"], *named, "{path}: {wrong}");
     }
     let post = http(&test, "POST", "/v1/jobs", "content-length: 0\r\n").await;
     assert_eq!((post.status, post.header("allow")), (405, "GET,HEAD"));

@@ -19,7 +19,7 @@ use crate::support::{TestServer, lathe_job, stream_of, told};
 const MAIN: &str = "G21 G98 G97 S500 M3\nG0 X10. Z5.\nM98 P1000\nM30\n";
 const SUB: &str = "O1000\nG1 Z-5. F60.\nG1 X20.\nM99\n";
 
-fn programs(test: &TestServer) -> ProgramsClient<Channel> {
+pub(crate) fn programs(test: &TestServer) -> ProgramsClient<Channel> {
     ProgramsClient::new(test.channel.clone())
 }
 

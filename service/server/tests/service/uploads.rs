@@ -3,13 +3,14 @@
 use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
-    CreateJobRequest, DeleteProgramRequest, GetUploadRequest, UploadChunk, UploadHeader, UploadProgramRequest,
+    CreateJobRequest, GetUploadRequest, ProgramsDeleteProgramRequest, UploadChunk, UploadHeader, UploadProgramRequest,
     UploadProgramResponse,
 };
 use feedwave_server::config::Limits;
 use sha2::{Digest as _, Sha256};
 use tonic::{Code, Status};
 
+use crate::programs::programs;
 use crate::support::{TURNING, TestServer, lathe_job, told};
 
 fn sha256(program: &[u8]) -> String {
@@ -77,7 +78,7 @@ async fn a_broken_upload_is_continued_and_becomes_a_job() {
 
     let job = test.ready(CreateJobRequest { source: Some(Source::Program(name.clone())), ..lathe_job("") }).await;
     assert_eq!(job.program_bytes, program.len() as u64);
-    let status = test.jobs().delete_program(DeleteProgramRequest { name }).await.unwrap_err();
+    let status = programs(&test).delete_program(ProgramsDeleteProgramRequest { name }).await.unwrap_err();
     assert_eq!((told(&status).0, told(&status).1.as_str()), (Code::FailedPrecondition, "RESOURCE_IN_USE"));
 }
 
@@ -121,9 +122,9 @@ async fn what_was_received_can_be_deleted() {
     let program = TURNING.as_bytes();
     let name = format!("programs/{}", sha256(program));
     upload(&test, program, sha256(program), 0..10).await.unwrap();
-    test.jobs().delete_program(DeleteProgramRequest { name: name.clone() }).await.unwrap();
+    programs(&test).delete_program(ProgramsDeleteProgramRequest { name: name.clone() }).await.unwrap();
     let progress = test.jobs().get_upload(GetUploadRequest { program: name.clone() }).await.unwrap().into_inner();
     assert_eq!(progress.received_bytes, 0);
-    let status = test.jobs().delete_program(DeleteProgramRequest { name }).await.unwrap_err();
+    let status = programs(&test).delete_program(ProgramsDeleteProgramRequest { name }).await.unwrap_err();
     assert_eq!(told(&status).0, Code::NotFound);
 }
