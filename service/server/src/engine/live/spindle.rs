@@ -18,6 +18,8 @@ enum Keeps {
     /// Nothing.
     #[default]
     Nothing,
+    /// A speed was refused: what that asks for is durable first.
+    Refused,
     /// A speed is judged for what follows; this override.
     Judging(Box<SpindleTrial>, f64),
     /// The client is asked since then, by this decision; `needed` where what follows can be cut at no other speed.
@@ -44,16 +46,21 @@ impl Gate {
         setpoints.open_place().is_none_or(|index| self.passed == Some(index))
     }
 
-    /// Whether there is something to compute.
-    pub(super) const fn is_judging(&self) -> bool {
-        matches!(self.keeps, Keeps::Judging(..))
+    /// Whether [`Gate::advance`] has something to do by itself.
+    pub(super) fn is_due(&self, setpoints: &Setpoints, session: &Session) -> bool {
+        match self.keeps {
+            Keeps::Nothing => !self.is_open(setpoints),
+            Keeps::Refused => session.waiting_decisions().is_empty(),
+            Keeps::Judging(..) => true,
+            Keeps::Asking { .. } => false,
+        }
     }
 
     /// When the patience with the client ends.
     pub(super) fn overdue_at(&self) -> Option<Instant> {
         match self.keeps {
             Keeps::Asking { since, .. } => since.checked_add(self.patience),
-            Keeps::Nothing | Keeps::Judging(..) => None,
+            Keeps::Nothing | Keeps::Refused | Keeps::Judging(..) => None,
         }
     }
 
@@ -104,9 +111,8 @@ impl Gate {
                 match setpoints.judge(trial)? {
                     TrialStep::More | TrialStep::NeedInput(_) => return Ok(None),
                     TrialStep::Fails(finding) => {
-                        self.keeps = Keeps::Nothing;
+                        self.keeps = Keeps::Refused;
                         session.refuse_spindle(spindle, index, &reason(&finding))?;
-                        // What that asks for is durable first.
                         return Ok(None);
                     }
                     TrialStep::Holds if spindle == setpoints.spindle_ratio() => {
@@ -122,7 +128,8 @@ impl Gate {
                     }
                 }
             }
-            Keeps::Nothing => {}
+            Keeps::Refused if !session.waiting_decisions().is_empty() => return Ok(None),
+            Keeps::Nothing | Keeps::Refused => self.keeps = Keeps::Nothing,
         }
         let present = setpoints.spindle_ratio();
         match request {

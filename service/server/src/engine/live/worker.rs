@@ -36,7 +36,7 @@ enum Wake {
     /// Setpoints have waited too long for a receipt.
     Overdue,
     Commit,
-    /// A spindle speed is judged: there is something to compute.
+    /// There is something to do at a place between sections.
     Judge,
     /// The floor is to be told how things are.
     Show,
@@ -224,7 +224,7 @@ impl Worker {
         let (silence, commit) = (until(self.session.silence_at()), until(self.commit_at()));
         // A client that is gone owes nothing: it says what it has when it takes the run up.
         let overdue = until(self.overdue_at().filter(|_| self.open));
-        let judges = self.gate.is_judging();
+        let judges = self.gate.is_due(&self.setpoints, &self.session) && open;
         let show = until(self.view.presence.due());
         let within_credit = self.setpoints.next_index() < self.credit_end();
         let generates = self.open && self.total.is_none() && within_credit && self.gate.is_open(&self.setpoints);
