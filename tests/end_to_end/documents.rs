@@ -15,7 +15,7 @@ use crate::FEEDWAVE;
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// The documents whose snippets are run, besides all pages of machining functions.
-const DOCUMENTS: [&str; 2] = ["README.md", "docs/command-line.md"];
+const DOCUMENTS: [&str; 3] = ["README.md", "docs/command-line.md", "docs/quick-start.md"];
 
 /// Files that a reader is to have of their own.
 const OWN_FILES: [(&str, &str); 1] =

@@ -80,7 +80,7 @@ crate::finding_codes! {
         meaning: "a named parameter is read before anything is assigned to it",
         cause: "A typing error in the name, or an assignment that is made in another subprogram, where the name is another one.",
         cure: "Assign it before, start the name with _ to know it everywhere, or ask with EXISTS.",
-        example: words("`X#<width>` with nothing assigned to #<width>"),
+        example: words("`X#<width>` with nothing assigned to `#<width>`"),
     }
 
     "PRG-PARAMETER-PROBED" [PARAMETER_PROBED: Warning] {
