@@ -11,6 +11,7 @@ mod elsewhere;
 mod floors;
 mod follow;
 mod handed_out;
+mod machine;
 mod presence;
 mod restore;
 #[cfg(test)]
@@ -22,10 +23,8 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
-use feedwave_contract::proto::{
-    Availability, Execution, MachineCondition, MachineState, RunActivity, RunCondition as ConditionMessage,
-};
-use feedwave_contract::{json, names};
+use feedwave_contract::json;
+use feedwave_contract::proto::{MachineState, RunActivity, RunCondition as ConditionMessage};
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until};
 use uuid::Uuid;
@@ -35,15 +34,15 @@ pub(crate) use elsewhere::share;
 pub(crate) use floors::Floors;
 pub(crate) use follow::follow;
 pub(crate) use handed_out::HandedOut;
+pub(crate) use machine::RunView;
 pub(crate) use presence::Presence;
 
 use crate::error::Result;
 use crate::http::Tagged;
+use machine::{Connected, Logged, Machine};
 
 /// Least time between two states of a machine that a reader is given.
 pub(crate) const STATE_INTERVAL: Duration = Duration::from_millis(200);
-/// Most conditions of a state.
-const MAX_CONDITIONS: usize = 32;
 /// Most unacknowledged conditions that are remembered of a machine; the store has the others.
 const MAX_LOGGED: u32 = 64;
 
@@ -72,170 +71,6 @@ impl Shown {
     /// The identifier of the machine.
     pub(crate) fn machine_id(&self) -> &str {
         self.state.machine.strip_prefix("machines/").unwrap_or(&self.state.machine)
-    }
-}
-
-/// What is known of a run.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct RunView {
-    id: Uuid,
-    job_id: Uuid,
-    /// Place in the order in which runs began.
-    sequence: i64,
-    activity: RunActivity,
-    /// Conditions that are not in the log.
-    alarms: Vec<MachineCondition>,
-}
-
-impl RunView {
-    /// Whether its client is there.
-    fn is_available(&self) -> bool {
-        self.activity.availability() == Availability::Available
-    }
-}
-
-/// A run whose stream is connected.
-#[derive(Debug)]
-struct Connected {
-    /// Tells streams of the same run apart.
-    ticket: u64,
-    view: RunView,
-    /// Its job was deleted: it is forgotten with its stream.
-    forgotten: bool,
-    /// The stream is another replica's.
-    is_elsewhere: bool,
-}
-
-/// A condition that a decision raised.
-#[derive(Clone, Debug)]
-struct Logged {
-    run: Uuid,
-    job_id: Uuid,
-    condition: ConditionMessage,
-}
-
-#[derive(Debug)]
-struct Machine {
-    display_name: String,
-    /// Its version, while it is in the store.
-    etag: Option<String>,
-    /// The newest stream last.
-    connected: Vec<Connected>,
-    /// The newest run whose stream is not connected.
-    resting: Option<RunView>,
-    logged: Vec<Logged>,
-    finished: u64,
-    shown: Arc<Shown>,
-}
-
-impl Machine {
-    fn new(id: &str) -> Self {
-        let state = MachineState { machine: names::machine(id), ..MachineState::default() };
-        Self {
-            display_name: String::new(),
-            etag: None,
-            connected: Vec::new(),
-            resting: None,
-            logged: Vec::new(),
-            finished: 0,
-            shown: Shown::new(0, state, String::new()),
-        }
-    }
-
-    /// The run that the state is about: of those whose clients are there the one that moves, of several the one that was
-    /// connected last; otherwise the newest.
-    fn run(&self) -> Option<&RunView> {
-        let rank = |view: &&RunView| {
-            let motion = match view.activity.execution() {
-                Execution::Running => 2,
-                Execution::Held => 1,
-                _ => 0,
-            };
-            (view.is_available(), motion)
-        };
-        self.connected.iter().map(|connected| &connected.view).max_by_key(rank).or(self.resting.as_ref())
-    }
-
-    /// Runs whose clients are there, but for the one that is shown.
-    fn others(&self) -> u32 {
-        let available = self.connected.iter().filter(|connected| connected.view.is_available()).count();
-        u32::try_from(available.saturating_sub(1)).unwrap_or(u32::MAX)
-    }
-
-    /// Keeps what is left of a run whose stream is gone, and counts it where it came to its end. What another replica
-    /// says of an earlier stream may come later.
-    fn rest(&mut self, view: RunView) {
-        let is_finished = |view: &RunView| view.activity.execution() == Execution::Finished;
-        if self.resting.as_ref().is_some_and(|resting| resting.id == view.id && is_finished(resting)) {
-            return;
-        }
-        self.finished += u64::from(is_finished(&view));
-        if self.resting.as_ref().is_none_or(|resting| resting.sequence <= view.sequence) {
-            self.resting = Some(view);
-        }
-    }
-
-    /// Takes in conditions that are not known yet.
-    fn know(&mut self, logged: Vec<Logged>) {
-        for new in logged {
-            let known =
-                |old: &Logged| old.run == new.run && old.condition.decision_number == new.condition.decision_number;
-            if !self.logged.iter().any(known) {
-                self.logged.push(new);
-            }
-        }
-    }
-
-    /// Whether any run that it shows or remembers is of this job.
-    fn knows_job(&self, job_id: Uuid) -> bool {
-        let views = self.connected.iter().map(|connected| &connected.view).chain(&self.resting);
-        let mut jobs = views.map(|view| view.job_id).chain(self.logged.iter().map(|logged| logged.job_id));
-        jobs.any(|job| job == job_id)
-    }
-
-    fn state(&self) -> MachineState {
-        let run = self.run();
-        let activity = run.map(|view| &view.activity);
-        let unavailable = Availability::Unavailable;
-        MachineState {
-            machine: self.shown.state.machine.clone(),
-            display_name: self.display_name.clone(),
-            availability: activity.map_or(unavailable, RunActivity::availability).into(),
-            execution: activity.map_or(Execution::Idle, RunActivity::execution).into(),
-            execution_time: activity.and_then(|activity| activity.execution_time),
-            run: activity.cloned(),
-            other_runs: self.others(),
-            conditions: self.conditions(run),
-            finished_runs: self.finished,
-        }
-    }
-
-    fn conditions(&self, run: Option<&RunView>) -> Vec<MachineCondition> {
-        let logged = self.logged.iter().map(|logged| alarms::of_log(logged.run, &logged.condition));
-        let mut conditions: Vec<_> =
-            run.into_iter().flat_map(|view| view.alarms.iter().cloned()).chain(logged).collect();
-        // The worst first, of these the newest; what was acknowledged comes behind what was not.
-        let rank = |condition: &MachineCondition| {
-            let time = condition.raise_time.map_or((0, 0), |time| (time.seconds, time.nanos));
-            let waits = condition.needs_acknowledgement && condition.acknowledge_time.is_none();
-            std::cmp::Reverse((condition.severity, waits, time))
-        };
-        conditions.sort_by_key(rank);
-        conditions.truncate(MAX_CONDITIONS);
-        conditions
-    }
-
-    /// Forgets conditions that were acknowledged and hold nothing any more.
-    fn forget_acknowledged(&mut self) {
-        let views = self.connected.iter().map(|connected| &connected.view).chain(&self.resting);
-        let held: Vec<Uuid> = views.filter(|view| view.activity.feed_held).map(|view| view.id).collect();
-        self.logged.retain(|logged| logged.condition.acknowledge_time.is_none() || held.contains(&logged.run));
-        let surplus = self.logged.len().saturating_sub(MAX_LOGGED as usize);
-        self.logged.drain(..surplus);
-    }
-
-    fn is_needed(&self) -> bool {
-        self.etag.is_some() || !self.connected.is_empty()
     }
 }
 

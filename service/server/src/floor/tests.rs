@@ -1,12 +1,14 @@
 //! The floor without a service around it.
 
-use feedwave_contract::proto::{ConditionSeverity, DecisionAction, RunProgress};
+use feedwave_contract::names;
+use feedwave_contract::proto::{Availability, ConditionSeverity, DecisionAction, Execution, RunProgress};
 use feedwave_store::{
     Fingerprint, Job, JobFilter, JobState, NewJob, NewRun, PageRequest, RawValue, RetentionPolicy, Run, RunCommit,
     RunKind, RunSetpoints, RunState, Store, StoreSettings, Tenant,
 };
 use tokio_util::sync::CancellationToken;
 
+use super::machine::MAX_CONDITIONS;
 use super::presence::RunBase;
 use super::*;
 use crate::error::Error;
