@@ -1,9 +1,12 @@
-"""Generates `feedwave.v1` from the contract while a wheel is built: the one place where Python's modules of it are made."""
+"""Generates `feedwave.v1` from the contract while a wheel is built: the one place where Python's modules of it are made. Puts the native
+part beside it where `FEEDWAVE_NATIVE_WHEEL` names what maturin built of `native/`; without it, the wheel is pure."""
 
 from __future__ import annotations
 
+import os
 import pathlib
 import shutil
+import zipfile
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -27,6 +30,19 @@ class Contract(BuildHookInterface):  # type: ignore[type-arg]
         shutil.rmtree(target, ignore_errors=True)
         generate(contract, root / "src")
         (target / "__init__.py").write_text(DOCUMENTATION)
+        if self.target_name == "wheel" and (built := os.environ.get("FEEDWAVE_NATIVE_WHEEL")):
+            module = extracted(pathlib.Path(built), pathlib.Path(self.directory) / "native")
+            build_data["force_include"][str(module)] = f"feedwave/{module.name}"
+            build_data["pure_python"] = False
+            # Maturin knows which platforms the module runs on.
+            build_data["tag"] = pathlib.Path(built).stem.split("-", 2)[2]
+
+
+def extracted(wheel: pathlib.Path, target: pathlib.Path) -> pathlib.Path:
+    """The extension module of a wheel, as a file in `target`."""
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith((".so", ".pyd")))
+        return pathlib.Path(archive.extract(name, target))
 
 
 def generate(contract: pathlib.Path, target: pathlib.Path) -> None:

@@ -29,6 +29,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut config = tonic_prost_build::Config::new();
     // The JSON mapping finds a message's descriptor by its name.
     config.enable_type_names();
-    tonic_prost_build::configure().bytes(".").compile_fds_with_config(descriptors, config)?;
+    let services = env::var_os("CARGO_FEATURE_SERVICES").is_some();
+    let generator = tonic_prost_build::configure().build_client(services).build_server(services);
+    generator.bytes(".").compile_fds_with_config(descriptors, config)?;
     Ok(())
 }

@@ -32,7 +32,14 @@ fi
 rm -rf "$scratch/dist"
 (cd "$package" && "$scratch/venv/bin/python" -m hatchling build -t sdist -d "$scratch/dist")
 "$scratch/venv/bin/pip" wheel --quiet --no-deps --no-build-isolation -w "$scratch/dist" "$scratch"/dist/feedwave-*.tar.gz
-wheel=("$scratch"/dist/feedwave-*.whl)
+pure=("$scratch"/dist/feedwave-*.whl)
+
+# With the core as an extension, for programs without a service.
+CARGO_TARGET_DIR=$scratch/native "$scratch/venv/bin/maturin" build --quiet --release --locked --manifest-path "$package/native/Cargo.toml" \
+    --interpreter "$scratch/venv/bin/python" --out "$scratch/dist/native"
+native=("$scratch"/dist/native/*.whl)
+(cd "$package" && FEEDWAVE_NATIVE_WHEEL=${native[0]} "$scratch/venv/bin/python" -m hatchling build -t wheel -d "$scratch/dist/with-native")
+wheel=("$scratch"/dist/with-native/feedwave-*.whl)
 "$scratch/venv/bin/pip" install --quiet --no-deps --force-reinstall "${wheel[0]}"
 
 # The package as it is installed, and the scripts that a reader would write.
@@ -41,10 +48,12 @@ mkdir -p "$scratch/scripts"
 (cd "$scratch/scripts" && "$scratch/venv/bin/python" "$here/scripts.py" "$package/README.md" .)
 (cd "$scratch/scripts" && "$scratch/venv/bin/mypy" --config-file "$package/pyproject.toml" --cache-dir "$scratch/mypy" -p feedwave)
 (cd "$scratch/scripts" && "$scratch/venv/bin/mypy" --config-file "$package/pyproject.toml" --cache-dir "$scratch/mypy" ./*.py)
+# What is said of the extension is what it has.
+(cd "$scratch/scripts" && "$scratch/venv/bin/python" -m mypy.stubtest --concise feedwave._native)
 
-# Nothing but the package and what it needs.
+# Nothing but the package without the extension, and what it needs.
 python3 -m venv --clear "$scratch/fresh"
-"$scratch/fresh/bin/pip" install --quiet "${wheel[0]}"
+"$scratch/fresh/bin/pip" install --quiet "${pure[0]}"
 
 # A test that hangs ends the run, and says where it hung.
 FEEDWAVE_BINARY=$(realpath "$binary") FEEDWAVE_FRESH_PYTHON=$scratch/fresh/bin/python MPLCONFIGDIR=$scratch/matplotlib \

@@ -37,8 +37,10 @@ pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
 pub use offsets::check_offsets;
 pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
-pub use settings::pipeline_config;
-pub use tool::{check_tool, tool_for_pipeline};
+pub use settings::{
+    MAX_TOOLS, RequestedSettings, check_file_names, check_period_us, pipeline_config, settings_from_proto,
+};
+pub use tool::{check_named_tool, check_tool, check_tools, tool_for_pipeline};
 
 use crate::violations::Violations;
 

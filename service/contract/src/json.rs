@@ -1,16 +1,19 @@
 //! The protobuf JSON mapping of the contract's messages: what the HTTP port shows and what the store keeps.
 
+#[cfg(feature = "services")]
+mod status;
 mod wire;
 mod writer;
 
 use core::marker::PhantomData;
 
-use prost::Message;
 pub use prost::Name;
-use prost_reflect::{DeserializeOptions, DynamicMessage, MessageDescriptor, SerializeOptions};
+use prost_reflect::{DeserializeOptions, DynamicMessage, MessageDescriptor};
 use serde_json::ser::{CompactFormatter, PrettyFormatter};
 
 use crate::proto::DESCRIPTORS;
+#[cfg(feature = "services")]
+pub use status::status_to_string;
 
 /// The descriptor of a message of the contract.
 #[must_use]
@@ -72,14 +75,6 @@ pub fn to_string_pretty<M: Name>(message: &M) -> String {
     String::from_utf8(json).expect("JSON is UTF-8")
 }
 
-/// A message of any schema as JSON; see [`to_string`].
-fn dynamic_to_string(dynamic: &DynamicMessage) -> String {
-    let mut json = serde_json::Serializer::new(Vec::new());
-    let options = SerializeOptions::new().skip_default_fields(false);
-    dynamic.serialize_with_options(&mut json, &options).expect("writing into memory does not fail");
-    String::from_utf8(json.into_inner()).expect("JSON is UTF-8")
-}
-
 /// A message from its JSON; unknown fields are passed over, since a later version of the contract may have more.
 ///
 /// # Errors
@@ -89,34 +84,6 @@ pub fn from_str<M: Name + Default>(text: &str) -> Result<M, serde_json::Error> {
     let options = DeserializeOptions::new().deny_unknown_fields(false);
     let dynamic = DynamicMessage::deserialize_with_options(descriptor::<M>(), &mut json, &options)?;
     Ok(dynamic.transcode_to().expect("the type was generated from these descriptors"))
-}
-
-/// The `google.rpc.Status` of an error as JSON, with its details.
-#[must_use]
-pub fn status_to_string(status: &tonic::Status) -> String {
-    use std::sync::LazyLock;
-
-    use prost_reflect::DescriptorPool;
-
-    static RPC_DESCRIPTORS: LazyLock<DescriptorPool> = LazyLock::new(|| {
-        DescriptorPool::decode(tonic_types::pb::FILE_DESCRIPTOR_SET).expect("the descriptors of google.rpc are valid")
-    });
-
-    let descriptor = RPC_DESCRIPTORS.get_message_by_name("google.rpc.Status").expect("it is in its own set");
-    let bytes = if status.details().is_empty() {
-        let plain = tonic_types::pb::Status {
-            code: status.code() as i32,
-            message: status.message().to_owned(),
-            details: Vec::new(),
-        };
-        plain.encode_to_vec().into()
-    } else {
-        bytes::Bytes::copy_from_slice(status.details())
-    };
-    match DynamicMessage::decode(descriptor, bytes) {
-        Ok(dynamic) => dynamic_to_string(&dynamic),
-        Err(_) => serde_json::json!({ "code": status.code() as i32, "message": status.message() }).to_string(),
-    }
 }
 
 #[cfg(test)]

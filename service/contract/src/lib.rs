@@ -20,5 +20,6 @@ pub mod openapi;
 pub mod proto;
 pub mod raw_double;
 pub mod routes;
+pub mod stream;
 pub mod text;
 pub mod violations;

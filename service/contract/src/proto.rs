@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 
 use prost_reflect::DescriptorPool;
 
-tonic::include_proto!("feedwave.v1");
+include!(concat!(env!("OUT_DIR"), "/feedwave.v1.rs"));
 
 /// The encoded descriptor set of the contract with its comments, for reflection.
 pub const DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/feedwave_descriptor.bin"));

@@ -30,15 +30,14 @@ use tokio_util::task::TaskTracker;
 use uuid::Uuid;
 
 pub use active::{ActiveJobs, JobGuard};
-pub use columns::{ColumnSet, MAX_CHUNK_SIZE};
 pub use interpretation::Actions;
 pub use live::LiveRun;
 pub(crate) use live::{LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 pub(crate) use session::name_decision;
 pub use session::{MAX_BATCH_EVENTS, MAX_BATCH_SAMPLES};
 pub use source::{File, Source};
+pub use stream::Generator;
 pub(crate) use stream::beyond_end;
-pub use stream::{Generator, StreamPlan, StreamStart};
 pub use telemetry::Ingestion;
 pub(crate) use telemetry::Intake;
 pub use turns::ValidationProgress;

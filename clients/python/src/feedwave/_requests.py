@@ -211,7 +211,8 @@ def _stored_program(retries: Retries, name: str, size: int, shown_name: str) -> 
 
 def stream_setpoints(retries: Retries, job: str, **options: Unpack[StreamOptions]) -> Flow[None]:
     """Emits the layout of a stream, then its setpoints in batches, without gaps however often the connection breaks."""
-    request = _stream_request(job, options)
+    request = stream_request(options)
+    request.job = resource("jobs", job)
     place = _Place(left=options.get("count"))
     if place.left is not None and place.left < 0:
         raise SourceError(f"count is {place.left}")
@@ -261,9 +262,9 @@ def _read_setpoints(request: setpoints_pb2.StreamSetpointsRequest, place: _Place
     return True
 
 
-def _stream_request(job: str, options: StreamOptions) -> setpoints_pb2.StreamSetpointsRequest:
+def stream_request(options: StreamOptions) -> setpoints_pb2.StreamSetpointsRequest:
+    """What is asked of a stream, but for the job."""
     request = setpoints_pb2.StreamSetpointsRequest(
-        job=resource("jobs", job),
         encoding=value_of(setpoints_pb2.Encoding, options.get("encoding", "RAW_DOUBLE")),
         frame=value_of(setpoints_pb2.Frame, options.get("frame")),
         chunk_size=options.get("batch", 0),

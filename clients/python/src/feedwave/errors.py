@@ -212,6 +212,11 @@ def from_rpc(error: grpc.RpcError, method: str) -> ServiceError:
     return kind(call.details() or "no message", method, _details(trailers.get(_DETAILS)))
 
 
+def of_code(code: str, message: str, method: str, details: Details) -> ServiceError:
+    """The error of a status code by its name, as in `INVALID_ARGUMENT`."""
+    return _CLASSES.get(grpc.StatusCode[code], Unknown)(message, method, details)
+
+
 def _details(data: bytes | str | None) -> Details:
     if not isinstance(data, bytes):
         return Details()

@@ -72,7 +72,7 @@ class Program:
 
     def pieces(self, offset: int = 0) -> Iterator[bytes]:
         """The bytes from an offset on, in pieces."""
-        with self._open() as data:
+        with self.opened() as data:
             data.seek(offset)
             while piece := data.read(PIECE_BYTES):
                 yield piece
@@ -90,7 +90,7 @@ class Program:
         if wanted:
             last = max(wanted)
             # Bytes as characters, for the sake of line ends: a carriage return alone is one, too.
-            with self._open() as data, io.TextIOWrapper(data, encoding="latin-1", newline=None) as text:
+            with self.opened() as data, io.TextIOWrapper(data, encoding="latin-1", newline=None) as text:
                 for number, line in enumerate(text, 1):
                     if number in wanted:
                         found[number] = line.rstrip("\n").encode("latin-1")
@@ -108,7 +108,8 @@ class Program:
         assert self.path is not None, "a program without text has a path"
         return self.path
 
-    def _open(self) -> BinaryIO:
+    def opened(self) -> BinaryIO:
+        """The bytes as a file that is open for reading."""
         return io.BytesIO(self._data) if self._data is not None else open(self._opened_path(), "rb")
 
     def __repr__(self) -> str:

@@ -201,8 +201,14 @@ class Setpoints(Mapping[str, npt.NDArray[Any]]):
         return table
 
 
-# Raw doubles, whatever the order of bytes of this machine is.
-_DOUBLE = np.dtype("<f8")
+# Raw columns, whatever the order of bytes of this machine is.
+_DOUBLE, _LINE = np.dtype("<f8"), np.dtype("<u4")
+
+
+def of_raw(layout: Layout, first_index: int, columns: list[bytes], lines: bytes) -> Setpoints:
+    """Setpoints of columns of little-endian doubles and of line numbers of 32 bits. The arrays are those bytes, not copies."""
+    arrays = {name: np.frombuffer(column, dtype=_DOUBLE) for name, column in zip(layout.names, columns)}
+    return Setpoints(layout, first_index, arrays, np.frombuffer(lines, dtype=_LINE))
 
 
 class Decoder:

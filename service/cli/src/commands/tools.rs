@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use feedwave_contract::convert::check_tool;
-use feedwave_contract::names;
+use feedwave_contract::convert::{check_named_tool, check_tools};
 use feedwave_contract::proto::{ListToolsResponse, Tool};
 use feedwave_contract::violations::Violations;
 
@@ -47,7 +46,7 @@ pub(super) fn read_library(path: &Path) -> Result<Vec<Tool>, CliError> {
     let mut violations = Violations::default();
     if !document.states(&["tools"]) {
         let tool: Tool = data_file::message(path, &document)?;
-        violations.extend("", check(&tool));
+        violations.extend("", check_named_tool(&tool));
         return if violations.is_empty() { Ok(vec![tool]) } else { Err(data_file::refused(path, &violations)) };
     }
     let library: ListToolsResponse = data_file::message(path, &document)?;
@@ -55,24 +54,8 @@ pub(super) fn read_library(path: &Path) -> Result<Vec<Tool>, CliError> {
         violations.add("next_page_token", "must be empty: the list has further pages, and would not be whole");
     }
     let tools = library.tools;
-    for (index, tool) in tools.iter().enumerate() {
-        violations.extend(&format!("tools[{index}]"), check(tool));
-        if let Some(first) = tools[..index].iter().position(|other| other.number == tool.number) {
-            let message = format!("tools[{first}] has the number {} already", tool.number);
-            violations.add(format!("tools[{index}].number"), message);
-        }
-    }
+    check_tools(&mut violations, "tools", &tools);
     if violations.is_empty() { Ok(tools) } else { Err(data_file::refused(path, &violations)) }
-}
-
-fn check(tool: &Tool) -> Violations {
-    let mut violations = check_tool(tool);
-    if !tool.name.is_empty()
-        && let Err(error) = names::parse_tool(&tool.name)
-    {
-        violations.add("name", format!("{error}; the name for people is display_name"));
-    }
-    violations
 }
 
 /// A tool with its length, as the command line writes it.

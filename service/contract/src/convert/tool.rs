@@ -6,11 +6,35 @@ use super::functions::tool_oscillation::geometry_from_proto;
 use super::language::position_from_proto;
 use super::lobes::check_dynamics;
 use crate::convert::{check_display_name, enumeration};
+use crate::names;
 use crate::proto;
 use crate::violations::Violations;
 
 /// Highest number of a T word.
 const MAX_TOOL_NUMBER: u32 = 9_999;
+
+/// Checks a list of tools with all their data, each with another number.
+pub fn check_tools(violations: &mut Violations, field: &str, tools: &[proto::Tool]) {
+    for (index, tool) in tools.iter().enumerate() {
+        violations.extend(&format!("{field}[{index}]"), check_named_tool(tool));
+        if let Some(first) = tools[..index].iter().position(|other| other.number == tool.number) {
+            let message = format!("{field}[{first}] has the number {} already", tool.number);
+            violations.add(format!("{field}[{index}].number"), message);
+        }
+    }
+}
+
+/// Checks a tool that comes with its resource name, or without one.
+#[must_use]
+pub fn check_named_tool(tool: &proto::Tool) -> Violations {
+    let mut violations = check_tool(tool);
+    if !tool.name.is_empty()
+        && let Err(error) = names::parse_tool(&tool.name)
+    {
+        violations.add("name", format!("{error}; the name for people is display_name"));
+    }
+    violations
+}
 
 /// Checks what a client says about a tool.
 #[must_use]

@@ -220,7 +220,7 @@ impl Api {
             &mut violations,
             "overrides",
             &request.overrides,
-            checked.interpolation_period_us,
+            checked.requested.interpolation_period_us,
         );
         violations.finish()?;
         let profile = match (profile, machine_id) {

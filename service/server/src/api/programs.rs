@@ -310,14 +310,10 @@ impl Api {
         files: &[ProgramFile],
         inline_bytes: usize,
     ) {
-        if files.len() > MAX_PROGRAM_FILES {
-            violations.add(field, format!("must list at most {MAX_PROGRAM_FILES}, lists {}", files.len()));
-        }
-        let mut names_seen = BTreeMap::new();
+        convert::check_file_names(violations, field, files.iter().map(|file| file.name.as_str()));
         let mut bytes = inline_bytes as u64;
         for (index, file) in files.iter().take(MAX_PROGRAM_FILES).enumerate() {
             let field = format!("{field}[{index}]");
-            check_file_name(violations, &format!("{field}.name"), &file.name);
             match &file.source {
                 Some(FileSource::InlineProgram(program)) => {
                     bytes += program.len() as u64;
@@ -329,12 +325,6 @@ impl Api {
                     violations.check(format!("{field}.program"), names::parse_program::<ProgramId>(name));
                 }
                 None => violations.add(format!("{field}.source"), "inline_program or program must be set"),
-            }
-            if file.name.is_empty() {
-                continue;
-            }
-            if let Some(first) = names_seen.insert(file.name.to_lowercase(), index) {
-                violations.add(format!("{field}.name"), format!("is that of file {first} too"));
             }
         }
         let limit = self.limits.inline_program_bytes;

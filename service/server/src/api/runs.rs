@@ -1,8 +1,8 @@
 //! `feedwave.v1.Runs`.
 
 use feedwave_contract::convert::{
-    enumeration, generation_mode_from_proto, generation_mode_to_proto, monitoring_to_proto, overrides_to_proto,
-    state_to_proto as monitor_state_to_proto,
+    check_period_us, enumeration, generation_mode_from_proto, generation_mode_to_proto, monitoring_to_proto,
+    overrides_to_proto, state_to_proto as monitor_state_to_proto,
 };
 use feedwave_contract::proto::run_request::Message as RequestMessage;
 use feedwave_contract::proto::run_response::Message;
@@ -12,6 +12,7 @@ use feedwave_contract::proto::{
     ReplayRunRequest, ReplayRunResponse, RunRequest, RunResponse, RunSettings, RunStart, RunStarted, StreamHeader,
     ValidationReport,
 };
+use feedwave_contract::stream::ColumnSet;
 use feedwave_contract::{names, proto};
 use feedwave_cutting::{Frame, GenerationMode, MAX_OVERRIDE_RATIO, PipelineConfig};
 use feedwave_monitoring::{Monitor, MonitoringConfig, SpindleRule};
@@ -22,10 +23,9 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
-use super::settings::check_period_us;
 use super::telemetry::{config_from_message, run_settings};
 use super::{Api, unreadable};
-use crate::engine::{self, ColumnSet, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
+use crate::engine::{self, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
 

@@ -1,37 +1,18 @@
 //! Settings of a job, as requested and with what they leave open filled in from the machine and its tools.
 
-use feedwave_contract::convert::{self, enumeration, generation_mode_to_proto, vibration_envelope_to_proto};
+use feedwave_contract::convert::{self, MAX_TOOLS, RequestedSettings};
 use feedwave_contract::proto::{JobSettings, Tool};
 use feedwave_contract::{names, proto};
-use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile};
+use feedwave_cutting::MachineProfile;
 
 use super::{Api, tools};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
 
-/// Most tools in the list of a job.
-const MAX_TOOLS: usize = 1_000;
-
-/// An interpolation period: `default` where the request has none.
-pub(super) fn check_period_us(violations: &mut Violations, period_us: u32, default: u32) -> u32 {
-    match period_us {
-        0 => default,
-        MIN_PERIOD_US..=MAX_PERIOD_US => period_us,
-        _ => {
-            let range = format!("must be {MIN_PERIOD_US} to {MAX_PERIOD_US}, is {period_us}");
-            violations.add("interpolation_period_us", range);
-            default
-        }
-    }
-}
-
 /// Settings as requested, without the tools' data: fields only.
 pub(super) struct CheckedSettings<'a> {
-    pub(super) interpolation_period_us: u32,
-    generation_mode: proto::GenerationMode,
-    vibration_envelope: proto::VibrationEnvelope,
+    pub(super) requested: RequestedSettings<'a>,
     tool_ids: Vec<&'a str>,
-    oscillation: Option<&'a proto::OscillationRequest>,
 }
 
 /// What every request for a validation says about it.
@@ -43,11 +24,9 @@ pub(super) fn check_settings<'a>(
     tools: &'a [String],
     oscillation: Option<&'a proto::OscillationRequest>,
 ) -> CheckedSettings<'a> {
-    let interpolation_period_us = check_period_us(violations, interpolation_period_us, DEFAULT_PERIOD_US);
-    let generation_mode = enumeration(violations, "generation_mode", generation_mode).unwrap_or_default();
-    let vibration_envelope = enumeration(violations, "vibration_envelope", vibration_envelope).unwrap_or_default();
-    let tool_ids = check_tools(violations, tools);
-    CheckedSettings { interpolation_period_us, generation_mode, vibration_envelope, tool_ids, oscillation }
+    let requested =
+        RequestedSettings::check(violations, interpolation_period_us, generation_mode, vibration_envelope, oscillation);
+    CheckedSettings { requested, tool_ids: check_tools(violations, tools) }
 }
 
 /// The identifiers of the tools that a request names.
@@ -78,32 +57,10 @@ impl Api {
         checked: &CheckedSettings<'_>,
         profile: &MachineProfile,
     ) -> Result<JobSettings> {
-        let default = generation_mode_to_proto(profile.vibration.generation_mode);
-        let generation_mode = match checked.generation_mode {
-            proto::GenerationMode::Unspecified => default,
-            stated => stated,
-        };
-        let vibration_envelope = match checked.vibration_envelope {
-            proto::VibrationEnvelope::Unspecified => vibration_envelope_to_proto(profile.vibration.envelope),
-            stated => stated,
-        };
         let mut violations = Violations::default();
-        // Which conditions there are depends on the machine.
-        let oscillation = convert::oscillation_request_from_proto(checked.oscillation);
-        for problem in oscillation.problems(&profile.tool_oscillation) {
-            violations.add(format!("oscillation.{}", problem.field), problem.message);
-        }
+        let settings = checked.requested.complete(&mut violations, profile, Vec::new());
         violations.finish()?;
-        let tools = self.job_tools(&checked.tool_ids).await?;
-        Ok(JobSettings {
-            programs: Vec::new(),
-            offsets: None,
-            interpolation_period_us: checked.interpolation_period_us,
-            generation_mode: generation_mode.into(),
-            vibration_envelope: vibration_envelope.into(),
-            tools,
-            oscillation: checked.oscillation.map(|_| convert::oscillation_request_to_proto(&oscillation)),
-        })
+        Ok(JobSettings { tools: self.job_tools(&checked.tool_ids).await?, ..settings })
     }
 
     /// The data of tools, each with another number.

@@ -1,85 +1,13 @@
-//! From setpoint blocks to the chunks of a stream: which columns, in which encoding, how many setpoints at a time.
+//! From setpoint blocks to the chunks of a stream.
 
 use std::ops::Range;
 
-use feedwave_contract::columns::{self, Column, Extras};
+use feedwave_contract::stream::{ColumnSet, FIRST_CHUNK_SIZE};
 use feedwave_contract::{delta, proto, raw_double};
 use feedwave_cutting::SetpointBlock;
-use feedwave_motion::Machine;
-use proto::ColumnKind as Kind;
 
-use crate::error::Violations;
-
-/// Most setpoints that a client can ask for per chunk.
-pub const MAX_CHUNK_SIZE: u32 = 1 << 17;
-/// Setpoints per chunk unless the client says otherwise, bounded by [`USUAL_CHUNK_BYTES`].
-const USUAL_CHUNK_SIZE: usize = 8_192;
-/// Setpoints in the first chunk, which is sent as soon as they are there. With a period of 20 ms they are more than a
-/// second of machining, while the next ones are generated.
-pub(super) const FIRST_CHUNK_SIZE: usize = 64;
 /// By how much the next chunks grow.
 const CHUNK_GROWTH: usize = 4;
-/// Size of a chunk unless the client says otherwise, bytes as packed doubles: where a stream is fastest.
-const USUAL_CHUNK_BYTES: usize = 256 << 10;
-/// Largest chunk, bytes as packed doubles: well below the 4 MiB that clients accept by default.
-const MAX_CHUNK_BYTES: usize = 2 << 20;
-
-/// The columns of a stream and their encoding.
-#[derive(Clone, Debug)]
-pub struct ColumnSet {
-    columns: Vec<Column>,
-    infos: Vec<proto::ColumnInfo>,
-    encoding: proto::Encoding,
-}
-
-impl ColumnSet {
-    /// The columns that a client wants; all that there are where it names none. What a stream without conditions
-    /// for the drives or directions of the tool does not have is a violation.
-    pub fn select(
-        violations: &mut Violations,
-        wanted: &[i32],
-        machine: &Machine,
-        conditions: bool,
-        directions: bool,
-        encoding: proto::Encoding,
-    ) -> Self {
-        let extras = Extras { conditions, directions };
-        for (index, value) in wanted.iter().enumerate() {
-            let field = format!("columns[{index}]");
-            match Kind::try_from(*value).ok().and_then(columns::needs) {
-                Some(needed) if needed.conditions && !conditions => {
-                    violations.add(field, "only servo-side mode with conditions as its output has this column");
-                }
-                Some(needed) if needed.directions && !directions => {
-                    violations.add(field, "only work coordinates of a machine with kinematics have this column");
-                }
-                Some(_) => {}
-                None => violations.add(field, format!("{value} is not a column")),
-            }
-        }
-        let mut columns = columns::of_machine(machine, extras);
-        columns.retain(|column| wanted.is_empty() || wanted.contains(&column.kind.into()));
-        let infos = columns.iter().map(|column| column.info(encoding)).collect();
-        Self { columns, infos, encoding }
-    }
-
-    /// What the header says about the columns.
-    #[must_use]
-    pub fn infos(&self) -> &[proto::ColumnInfo] {
-        &self.infos
-    }
-
-    /// Setpoints per chunk when the client asks for `wanted`, 0 for no wish.
-    #[must_use]
-    pub fn chunk_size(&self, wanted: u32) -> usize {
-        let setpoint_bytes = 8 * self.columns.len().max(1);
-        match wanted {
-            0 => USUAL_CHUNK_SIZE.min(USUAL_CHUNK_BYTES / setpoint_bytes),
-            wanted => (wanted as usize).min(MAX_CHUNK_BYTES / setpoint_bytes),
-        }
-        .max(1)
-    }
-}
 
 /// Gathers setpoints into chunks.
 pub(super) struct ChunkWriter<'a> {
@@ -134,10 +62,10 @@ impl<'a> ChunkWriter<'a> {
 
     fn append(&mut self, block: &SetpointBlock, rows: Range<usize>) {
         let columns = self.columns;
-        for (index, (column, into)) in columns.columns.iter().zip(&mut self.chunk.columns).enumerate() {
+        for (index, (column, into)) in columns.columns().iter().zip(&mut self.chunk.columns).enumerate() {
             // Selection permits a column only where blocks have it.
             let values = &column.values(block).unwrap_or_default()[rows.clone()];
-            match columns.encoding {
+            match columns.encoding() {
                 proto::Encoding::FixedPointDelta => {
                     let last = &mut self.last_steps[index];
                     *last = delta::encode(values, column.steps_per_unit, *last, &mut into.deltas);
@@ -169,7 +97,7 @@ impl<'a> ChunkWriter<'a> {
     }
 
     fn begin(&mut self, first_index: u64) {
-        let encoding = self.columns.encoding;
+        let encoding = self.columns.encoding();
         let room = |of| if encoding == of { self.wanted } else { 0 };
         let column = || proto::Column {
             values: Vec::with_capacity(room(proto::Encoding::PackedDouble)),
@@ -177,14 +105,14 @@ impl<'a> ChunkWriter<'a> {
             ..Default::default()
         };
         let raw_bytes = size_of::<f64>() * room(proto::Encoding::RawDouble);
-        self.raw = self.columns.columns.iter().map(|_| Vec::with_capacity(raw_bytes)).collect();
+        self.raw = self.columns.columns().iter().map(|_| Vec::with_capacity(raw_bytes)).collect();
         self.chunk = proto::SetpointChunk {
             first_index,
-            columns: self.columns.columns.iter().map(|_| column()).collect(),
+            columns: self.columns.columns().iter().map(|_| column()).collect(),
             ..Default::default()
         };
         self.last_steps.clear();
-        self.last_steps.resize(self.columns.columns.len(), 0);
+        self.last_steps.resize(self.columns.columns().len(), 0);
     }
 }
 

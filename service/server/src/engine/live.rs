@@ -27,7 +27,6 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tokio_util::sync::{CancellationToken, DropGuard};
 use uuid::Uuid;
 
-use super::columns::ColumnSet;
 use super::telemetry::RunWork;
 use super::{Engine, JobGuard};
 use crate::error::{Error, Result};
@@ -35,6 +34,7 @@ use crate::floor::Presence;
 use crate::observability::metrics::GaugeGuard;
 pub(crate) use feed::feed_change_to_proto;
 use feedwave_contract::proto;
+use feedwave_contract::stream::ColumnSet;
 use proto::run_response::Message;
 use receipts::Receipts;
 use setpoints::Setpoints;

@@ -8,10 +8,8 @@ use std::task::{Context, Poll};
 
 use feedwave_contract::names;
 use feedwave_contract::proto;
-use feedwave_cutting::ServoExpander;
-use feedwave_cutting::setpoint_index_at;
-use feedwave_cutting::{BLOCK_LENGTH, Pipeline, PipelineConfig, Step};
-use feedwave_program::Severity;
+use feedwave_contract::stream::{Rows, StreamPlan, StreamStep, beyond_end_message, refusal_message};
+use feedwave_cutting::{Pipeline, PipelineConfig};
 use feedwave_store::{JobDetail, StoreError};
 use futures_util::Stream;
 use prometheus::IntCounter;
@@ -20,7 +18,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
-use super::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
+use super::columns::ChunkWriter;
 use super::source::Source;
 use super::{Engine, JobGuard, checkpoint_set, until};
 use crate::error::{Error, Result};
@@ -29,41 +27,6 @@ use crate::observability::metrics::GaugeGuard;
 /// Chunks that wait between the generator and the connection. With the one being filled this is all that a stream
 /// holds in memory.
 const CHUNKS_IN_FLIGHT: usize = 2;
-
-/// What a client wants to have streamed, checked.
-#[derive(Clone, Debug)]
-pub struct StreamPlan {
-    /// Configuration of the pipeline.
-    pub config: PipelineConfig,
-    /// Columns and their encoding.
-    pub columns: ColumnSet,
-    /// Setpoints per chunk.
-    pub chunk_size: usize,
-    /// Servo periods per interpolation period where the stream is expanded to them.
-    pub expand: Option<u32>,
-    /// Index of the first setpoint to send.
-    pub first_index: u64,
-}
-
-/// Where a client wants a stream to start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StreamStart {
-    /// At this setpoint.
-    Index(u64),
-    /// At the first setpoint at or after this time, s.
-    Time(f64),
-}
-
-impl StreamStart {
-    /// Index of the first setpoint at `period_us` from one to the next.
-    #[must_use]
-    pub fn index(self, period_us: f64) -> u64 {
-        match self {
-            Self::Index(index) => index,
-            Self::Time(time_s) => setpoint_index_at(time_s, period_us),
-        }
-    }
-}
 
 /// A running generator: its chunks, then at most one error. Dropping it ends the generator.
 #[derive(Debug)]
@@ -183,20 +146,16 @@ impl Engine {
         let complete = Arc::new(AtomicBool::new(false));
         let generator_ends = ends.clone();
 
-        // Expanding needs the setpoint before the first one.
-        let first_block_index = match plan.expand {
-            Some(substeps) => plan.first_index.div_ceil(u64::from(substeps)).saturating_sub(1),
-            None => plan.first_index,
-        };
         let config = Arc::new(plan.config.clone());
-        let pipeline = self.pipeline_near(detail, config, first_block_index).await?;
+        let pipeline = self.pipeline_near(detail, config, plan.first_block_index()).await?;
         let source = self.job_source(detail)?;
         let (sender, chunks) = mpsc::channel(CHUNKS_IN_FLIGHT);
         let outlet = Outlet { sender, ends: generator_ends, runtime: Handle::current() };
         let (engine, id, runtime) = (self.clone(), detail.job.id, Handle::current());
         let metrics = &inner.metrics;
         let regenerated = metrics.regenerated_setpoints.clone();
-        let mut run = Run { pipeline, source, plan, first_block_index, regenerated, outlet };
+        let rows = Rows::new(&plan, pipeline);
+        let mut run = Run { rows, source, plan, regenerated, outlet };
         let active = (GaugeGuard::new(&metrics.active_streams), metrics.streams_by_tenant.enter(detail.job.tenant));
         let finished = complete.clone();
         inner.tasks.spawn_blocking(move || {
@@ -256,12 +215,10 @@ impl Engine {
 
 /// Everything that the blocking thread works with.
 struct Run {
-    pipeline: Pipeline,
+    rows: Rows,
     source: Source,
     plan: StreamPlan,
-    /// Setpoints of the interpolation before this one are skipped.
-    first_block_index: u64,
-    /// Counts them.
+    /// Counts setpoints of the interpolation before the stream's start.
     regenerated: IntCounter,
     outlet: Outlet,
 }
@@ -279,43 +236,27 @@ impl Run {
     /// Generates to the last setpoint, or until the receiver is gone.
     fn generate(&mut self) -> Result<End> {
         let plan = &self.plan;
-        let mut block = self.pipeline.new_block();
         let mut writer = ChunkWriter::new(&plan.columns, plan.chunk_size, plan.first_index);
-        let machine = &plan.config.profile.machine;
-        let mut expander = plan.expand.map(|substeps| ServoExpander::new(machine, substeps, plan.config.period_s()));
-        // Number of setpoints in the stream's own index, known once the last one was generated.
-        let mut end = 0;
-        // The first setpoints do not wait for a whole block.
-        let mut most = FIRST_CHUNK_SIZE;
         while !self.outlet.ends.reached() {
-            match self.pipeline.next_setpoints(&mut block, most) {
-                Step::NeedInput(place) => match self.source.read(place)? {
-                    Some(bytes) => self.pipeline.push(&bytes),
-                    None => self.pipeline.finish_input(),
+            match self.rows.step() {
+                StreamStep::NeedInput(place) => match self.source.read(place)? {
+                    Some(bytes) => self.rows.push(&bytes),
+                    None => self.rows.finish_input(),
                 },
-                Step::Block => {
-                    most = BLOCK_LENGTH;
-                    if block.first_index + block.len() as u64 <= self.first_block_index {
-                        self.regenerated.inc_by(block.len() as u64);
-                        end = stream_index(block.first_index + block.len() as u64 - 1, plan.expand) + 1;
-                        continue;
-                    }
-                    let block = expander.as_mut().map_or(&block, |expander| expander.expand(&block));
-                    end = block.first_index + block.len() as u64;
-                    let skipped = plan.first_index.saturating_sub(block.first_index).min(block.len() as u64);
-                    let rows = skipped as usize..block.len();
+                StreamStep::Skipped(count) => self.regenerated.inc_by(count),
+                StreamStep::Rows(block, rows) => {
                     if !writer.write(block, rows, |chunk| self.outlet.send(Ok(chunk))) {
                         return Ok(End::CutOff);
                     }
                 }
-                Step::Finished => {
+                StreamStep::Finished(end) => {
                     if plan.first_index > end {
                         return Err(beyond_end(plan.first_index, end));
                     }
                     let sent = writer.finish().is_none_or(|chunk| self.outlet.send(Ok(chunk)));
                     return Ok(if sent { End::Last } else { End::CutOff });
                 }
-                Step::Refused => return Err(self.refused()),
+                StreamStep::Refused => return Err(self.refused()),
             }
         }
         Ok(End::CutOff)
@@ -323,19 +264,9 @@ impl Run {
 
     /// The program is valid as the job has it, but not with what this stream asks for otherwise.
     fn refused(&self) -> Error {
-        let findings = self.pipeline.findings().findings();
-        let first = findings.iter().find(|finding| finding.severity == Severity::Error);
-        let reason = first.map_or_else(String::new, |finding| {
-            format!(": {} in line {}: {}", finding.code, finding.span.line, finding.message)
-        });
-        let message = format!("the program is refused with what the stream asks for{reason}");
+        let message = refusal_message(self.rows.refusal());
         Error::Precondition { reason: "PROGRAM_REFUSED", subject: self.outlet.ends.job_name.clone(), message }
     }
-}
-
-/// Index in the stream of a setpoint of the interpolation.
-fn stream_index(index: u64, expand: Option<u32>) -> u64 {
-    index * u64::from(expand.unwrap_or(1))
 }
 
 /// A start beyond the end of the plan.
@@ -343,21 +274,7 @@ fn stream_index(index: u64, expand: Option<u32>) -> u64 {
 pub(crate) fn beyond_end(first_index: u64, setpoint_count: u64) -> Error {
     Error::OutOfRange {
         reason: "START_BEYOND_END",
-        message: format!("the stream has {setpoint_count} setpoints, it cannot start at {first_index}"),
+        message: beyond_end_message(first_index, setpoint_count),
         metadata: vec![("setpoint_count", setpoint_count.to_string())],
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_time_means_the_first_setpoint_at_or_after_it() {
-        assert_eq!(StreamStart::Time(0.0).index(1_000.0), 0);
-        assert_eq!(StreamStart::Time(0.1).index(1_000.0), 100);
-        assert_eq!(StreamStart::Time(0.100_4).index(1_000.0), 101);
-        assert_eq!(StreamStart::Time(0.001).index(125.0), 8);
-        assert_eq!(StreamStart::Index(7).index(1_000.0), 7);
     }
 }

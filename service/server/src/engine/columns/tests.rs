@@ -1,3 +1,8 @@
+use feedwave_contract::proto::ColumnKind as Kind;
+use feedwave_contract::stream::{DEFAULT_CHUNK_BYTES, MAX_CHUNK_BYTES, MAX_CHUNK_SIZE};
+use feedwave_contract::violations::Violations;
+use feedwave_motion::Machine;
+
 use super::*;
 
 fn block(machine: &Machine, count: usize) -> SetpointBlock {
@@ -108,5 +113,5 @@ fn chunks_stay_below_what_clients_accept() {
     let set = select(&[], true, proto::Encoding::PackedDouble).unwrap();
     assert!(set.chunk_size(MAX_CHUNK_SIZE) * 8 * set.infos().len() <= MAX_CHUNK_BYTES);
     assert_eq!(set.chunk_size(64), 64);
-    assert!(set.chunk_size(0) * 8 * set.infos().len() <= USUAL_CHUNK_BYTES);
+    assert!(set.chunk_size(0) * 8 * set.infos().len() <= DEFAULT_CHUNK_BYTES);
 }

@@ -9,9 +9,10 @@ use feedwave_store::RunCheckpoint;
 use sha2::{Digest as _, Sha256};
 
 use super::checkpoint::{self, Start};
-use crate::engine::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
+use crate::engine::columns::ChunkWriter;
 use crate::engine::source::Source;
 use crate::error::{Error, Result};
+use feedwave_contract::stream::{ColumnSet, FIRST_CHUNK_SIZE};
 
 /// Answer to a request for setpoints.
 #[derive(Debug)]
