@@ -62,7 +62,7 @@ pub struct PathLimits {
 
 impl PathLimits {
     /// No limit at all.
-    const NONE: Self = Self { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+    pub const NONE: Self = Self { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
 
     /// The smallest of each; infinite where there are none.
     #[must_use]

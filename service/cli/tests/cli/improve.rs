@@ -6,6 +6,9 @@ use std::process::Output;
 
 use super::{code, feedwave, fixture, run, stderr, stdout, validate_json};
 
+/// Random sections that are tried; 200 of them were, once.
+const SECTIONS_NEAR_CURVES: u32 = 40;
+
 /// A program in a directory of its own.
 fn program(text: &str) -> (tempfile::TempDir, PathBuf) {
     let directory = tempfile::tempdir().unwrap();
@@ -179,6 +182,52 @@ fn what_the_drives_lose_is_commanded_besides() {
         improve(&good, &[&tight[..], &["--least-amplitude", "--margin", "1", "--out", out.to_str().unwrap()]].concat());
     assert!(code(&output) < 2, "{}", stderr(&output));
     assert!(!loses_the_chip(&out, &tight), "{}{}", stdout(&output), stderr(&output));
+}
+
+/// Random sections with arcs, on a machine whose axes are nearly at their limits on them.
+#[test]
+fn what_is_found_near_curves_holds_there() {
+    let directory = tempfile::tempdir().unwrap();
+    let profile = directory.path().join("lathe.toml");
+    let path = directory.path().join("part.nc");
+    let mut state = 20_261_124_u64;
+    let mut random = |low: f64, high: f64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let (mut improved, mut limited) = (0, 0);
+    for case in 0..SECTIONS_NEAR_CURVES {
+        let acceleration = random(500.0, 5_000.0);
+        let limits = format!(
+            "max_velocity_per_s = 250.0\nmax_acceleration_per_s2 = {acceleration:.1}\nmax_jerk_per_s3 = {:.1}",
+            400.0 * acceleration
+        );
+        let axes = ["X", "Z"]
+            .map(|name| format!("[[machine.axes]]\nname = \"{name}\"\naxis = \"AXIS_LETTER_{name}\"\n{limits}\nmax_velocity_step_per_s = 2.0\n"))
+            .concat();
+        fs::write(&profile, format!("[machine]\nkind = \"MACHINE_KIND_LATHE\"\n{axes}")).unwrap();
+        let (speed, feed, radius) = (random(300.0, 1_500.0).round(), random(0.02, 0.12), random(8.0, 30.0));
+        let frequency = random(1.2, 3.8) * speed / 60.0;
+        let text = format!(
+            "G21 G97 G99 S{speed} M3\nG0 X40. Z2.\nG200 F{frequency:.3} A{:.4}\nG1 Z-20. F{feed:.4}\nG2 X{:.4} Z{:.4} R{radius:.4}\n\
+             G201\nG0 X120.\nM30\n",
+            random(0.2, 0.5) * feed,
+            40.0 + 2.0 * radius,
+            -20.0 - radius,
+        );
+        fs::write(&path, &text).unwrap();
+        let output = improve(&path, &["--profile", profile.to_str().unwrap()]);
+        let told = stderr(&output);
+        assert!(code(&output) < 2, "case {case}: {told}");
+        // Nothing is proposed that the axes then cannot follow on the arc.
+        assert!(
+            !told.contains("would be refused") && !told.contains("worse in another way"),
+            "case {case}: {text}{told}"
+        );
+        improved += u32::from(!stdout(&output).is_empty());
+        limited += u32::from(told.contains("no vibration within the range"));
+    }
+    assert!(improved >= SECTIONS_NEAR_CURVES / 4 && limited > 0, "{improved} improved, {limited} not");
 }
 
 #[test]

@@ -156,6 +156,17 @@ impl VibrationDemand {
         at(slowest)
     }
 
+    /// What an element permits feed and vibration together: the largest velocity, acceleration and jerk along the path, each alone.
+    pub(crate) fn permitted(&self, element: &Element, machine: &Machine, top_command_mm_per_s: f64) -> PathMotion {
+        let lowered = self.for_offsets_beside(element, machine);
+        let [_, slowest] = self.speeds(top_command_mm_per_s);
+        let top_speed = slowest + self.peaks(slowest).velocity;
+        let pieces = limit_pieces(element, lowered.as_ref().unwrap_or(machine), PathMotion::ZERO, top_speed);
+        // Without a vibration, nothing can be too much.
+        let limits = pieces.map_or(PathLimits::NONE, |pieces| PathLimits::tightest(pieces.iter().map(|it| &it.limits)));
+        PathMotion { velocity: limits.velocity, acceleration: limits.acceleration, jerk: limits.jerk }
+    }
+
     /// The machine with lower limits where the offset goes along the tangent of a curve: with κ its curvature and i the
     /// normal, (c + o·τ)' has beside the derivatives of the path along itself another i·κ·o·c', so that all derivatives
     /// are up to 1 + κ·A times as large.

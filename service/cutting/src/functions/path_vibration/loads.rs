@@ -1,6 +1,8 @@
 //! What a section demands of the machine's axes.
 
-use feedwave_motion::{Curve, Element, LEAST_FEED_SHARE, LimitExceeded, Machine, MachineAxis, PathLimits, Quantity};
+use feedwave_motion::{
+    Curve, Element, LEAST_FEED_SHARE, LimitExceeded, Machine, MachineAxis, PathLimits, PathMotion, Quantity,
+};
 use feedwave_program::{Axis, Position};
 
 use super::trial::Objection;
@@ -36,6 +38,8 @@ pub(super) struct AxisLoads {
     pub(super) exceeded: Option<Exceeded>,
     pub(super) largest_amplitude_mm: Option<f64>,
     pub(super) highest_frequency_hz: Option<f64>,
+    /// What curves permit feed and vibration together, along the path.
+    pub(super) on_curves: Option<PathMotion>,
     lines: Vec<CutDirections>,
     curves: Vec<CutCurve>,
     /// There are more curves than are kept.
@@ -124,6 +128,7 @@ impl AxisLoads {
             exceeded: None,
             largest_amplitude_mm: None,
             highest_frequency_hz: None,
+            on_curves: None,
             lines: Vec::new(),
             curves: Vec::new(),
             is_incomplete: false,
@@ -166,6 +171,11 @@ impl AxisLoads {
         self.keep_directions(directions, feed_mm_per_s);
         if !matches!(element.curve, Curve::Line) {
             self.keep_curve(element, feed_mm_per_s);
+            let permitted = self.demand(self.condition).permitted(element, &self.machine, feed_mm_per_s);
+            let tightest = self.on_curves.get_or_insert(permitted);
+            tightest.velocity = tightest.velocity.min(permitted.velocity);
+            tightest.acceleration = tightest.acceleration.min(permitted.acceleration);
+            tightest.jerk = tightest.jerk.min(permitted.jerk);
         }
         if too_much || limits.is_err() {
             self.search(element, feed_mm_per_s);

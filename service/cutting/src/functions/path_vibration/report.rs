@@ -1,5 +1,6 @@
 //! What validation says about one vibrating section.
 
+use feedwave_motion::PathMotion;
 use feedwave_program::DrillingCycle;
 
 use super::chip::{ChipReport, SurfaceSpeedReport};
@@ -71,6 +72,9 @@ pub struct SectionReport {
     pub largest_amplitude_mm: Option<f64>,
     /// Highest frequency at this amplitude that the axes can follow, Hz; `None` and 0 likewise.
     pub highest_frequency_hz: Option<f64>,
+    /// Largest velocity, acceleration and jerk along the path (mm/s and so on) that the curves of the section permit feed and
+    /// vibration together, each alone; `None` where it has none.
+    pub on_curves: Option<PathMotion>,
     /// Whether the axes can follow the section, the ends of a published vibration included, whatever the severity of that
     /// finding, and nothing of the above forbids running it. `false` where a block of it was refused, or nothing judged.
     pub feasible: bool,

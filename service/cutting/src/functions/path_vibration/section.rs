@@ -326,6 +326,7 @@ impl SectionAnalyzer {
             clamped_share: if total_samples > 0 { clamped_samples as f64 / total_samples as f64 } else { 0.0 },
             largest_amplitude_mm: self.loads.largest_amplitude_mm,
             highest_frequency_hz: self.loads.highest_frequency_hz,
+            on_curves: self.loads.on_curves,
             feasible: true,
         };
         Evidence {

@@ -11,7 +11,8 @@ use super::super::{
 };
 use super::{SearchCut, VibrationSearch};
 
-/// Share of the acceleration and the jerk of an axis that a vibration may take: the rest is the feed's.
+/// Share of the acceleration and the jerk that a vibration may take of what there is of an axis, or on a curve: the rest is the
+/// feed's.
 const AXIS_SHARE: f64 = 0.9;
 /// Samples of a vibration below which its sampling is coarse.
 const LEAST_SAMPLES: f64 = 8.0;
@@ -126,6 +127,13 @@ fn peaks(sections: &[&SectionReport], settings: &VibrationSettings, cuts: &[Sear
         peaks.velocity = peaks.velocity.min(velocity / first);
         peaks.acceleration = peaks.acceleration.min(AXIS_SHARE * along(axis.max_acceleration_per_s2) / second);
         peaks.jerk = peaks.jerk.min(AXIS_SHARE * along(axis.max_jerk_per_s3) / third);
+    }
+    // Turning takes its part of every axis: a curve leaves less along the path.
+    for curves in sections.iter().filter_map(|section| section.on_curves) {
+        let velocity = (curves.velocity - feed_mm_per_s).max(f64::MIN_POSITIVE);
+        peaks.velocity = peaks.velocity.min(velocity / first);
+        peaks.acceleration = peaks.acceleration.min(AXIS_SHARE * curves.acceleration / second);
+        peaks.jerk = peaks.jerk.min(AXIS_SHARE * curves.jerk / third);
     }
     peaks
 }
