@@ -306,15 +306,74 @@ fn a_document_that_is_too_long_is_said_to_be_and_comes_back() {
     let told = message["params"]["diagnostics"][0]["message"].as_str().unwrap().to_owned();
     assert!(told.contains("33554432 bytes"), "{told}");
     assert_eq!(session.ask("textDocument/hover", &at(&name, 0, 0))["error"]["code"], -32803);
-    // Nothing can be made of a change without the text; the whole text can be judged again.
-    let part = json!({ "range": { "start": { "line": 0, "character": 0 }, "end": { "line": 1, "character": 0 } }, "text": "" });
-    let document = |version: i64| json!({ "uri": name, "version": version });
-    session.tell("textDocument/didChange", &json!({ "textDocument": document(2), "contentChanges": [part] }));
-    session.tell(
-        "textDocument/didChange",
-        &json!({ "textDocument": document(3), "contentChanges": [{ "text": "M30\n" }] }),
-    );
-    session.shown(&name, 3);
+    // Changes are followed meanwhile: as soon as it is short enough, it has its findings.
+    let cut = |from: u32, to: u32, text: &str| {
+        let place = |line: u32| json!({ "line": line, "character": 0 });
+        json!({ "range": { "start": place(from), "end": place(to) }, "text": text })
+    };
+    let mut change = |version: i64, part: Value| {
+        let document = json!({ "uri": name, "version": version });
+        session.tell("textDocument/didChange", &json!({ "textDocument": document, "contentChanges": [part] }));
+    };
+    change(2, cut(0, 1, "(a comment instead of that)\n"));
+    change(3, cut(3, u32::MAX, "G1 X5 Q\n"));
+    let shown = session.shown(&name, 3);
+    assert_eq!(shown[0]["range"]["start"]["line"], 3, "{shown:?}");
+    // The same from a document that was short, then too long by a change, then short again.
+    let mut change = |version: i64, part: Value| {
+        let document = json!({ "uri": name, "version": version });
+        session.tell("textDocument/didChange", &json!({ "textDocument": document, "contentChanges": [part] }));
+    };
+    change(4, cut(0, 0, &"(0123456789)\n".repeat((32 << 20) / 13 + 1)));
+    change(5, cut(0, (32 << 20) / 13 + 1, ""));
+    assert_eq!(session.shown(&name, 5), shown);
+    session.end();
+}
+
+#[test]
+fn a_document_beyond_all_bounds_is_known_again_when_it_is_saved() {
+    let directory = tempfile::tempdir().unwrap();
+    let name = uri(&directory.path().join("huge.nc"));
+    let mut session = Session::initialized(directory.path(), &json!({}));
+    let piece = "(0123456789)\n".repeat((40 << 20) / 13);
+    session.open(&name, &piece);
+    let place = json!({ "line": 0, "character": 0 });
+    for version in 2..=8 {
+        let part = json!({ "range": { "start": place, "end": place }, "text": piece });
+        let document = json!({ "uri": name, "version": version });
+        session.tell("textDocument/didChange", &json!({ "textDocument": document, "contentChanges": [part] }));
+    }
+    // Without its text nothing can be made of a change.
+    let part = json!({ "range": { "start": place, "end": { "line": u32::MAX, "character": 0 } }, "text": "" });
+    let document = json!({ "uri": name, "version": 9 });
+    session.tell("textDocument/didChange", &json!({ "textDocument": document, "contentChanges": [part] }));
+    session.tell("textDocument/didSave", &json!({ "textDocument": { "uri": name }, "text": "G1 X5 Q\n" }));
+    assert!(!session.shown(&name, 0).is_empty());
+    session.end();
+}
+
+#[test]
+fn quick_fixes_are_asked_for_by_whole_kinds() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = std::fs::read_to_string(fixture("spec-trap.nc")).unwrap();
+    let name = uri(&directory.path().join("trap.nc"));
+    let mut session = Session::initialized(directory.path(), &json!({}));
+    session.open(&name, &program);
+    let shown = session.shown(&name, 1);
+    for (only, offers) in [
+        (json!(["quickfix"]), true),
+        (json!([""]), true),
+        (json!(["refactor", "quickfix"]), true),
+        (json!(["quick"]), false),
+        (json!(["quickfix.all"]), false),
+        (json!(["source"]), false),
+        (json!([]), false),
+    ] {
+        let context = json!({ "diagnostics": shown, "only": only });
+        let asked = json!({ "textDocument": { "uri": name }, "range": shown[0]["range"], "context": context });
+        let actions = session.ask("textDocument/codeAction", &asked)["result"].clone();
+        assert_eq!(!actions.as_array().unwrap().is_empty(), offers, "{only}: {actions}");
+    }
     session.end();
 }
 

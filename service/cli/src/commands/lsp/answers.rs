@@ -169,13 +169,19 @@ fn candidates(target: &Target, setup: &Setup) -> Vec<(String, bool)> {
     std::iter::once(own).chain(named.into_iter().map(|file| (file, true))).chain(others).collect()
 }
 
+/// Whether a kind of code action is `wanted` or below it: kinds are divided at dots, and the empty one has all.
+fn includes(wanted: &CodeActionKind, kind: &CodeActionKind) -> bool {
+    let (wanted, kind) = (wanted.as_str(), kind.as_str());
+    wanted.is_empty() || kind.strip_prefix(wanted).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
 fn code_actions(question: &Question) -> Answer {
     let asked: CodeActionParams = params(question)?;
     let wants = asked
         .context
         .only
         .as_ref()
-        .is_none_or(|only| only.iter().any(|kind| CodeActionKind::QUICKFIX.as_str().starts_with(kind.as_str())));
+        .is_none_or(|only| only.iter().any(|kind| includes(kind, &CodeActionKind::QUICKFIX)));
     let document = &question.document;
     // Places of another version are no places of this one.
     let judged = question.judged.as_ref().filter(|judged| judged.version == document.version && wants);

@@ -12,9 +12,10 @@ use std::thread;
 use lsp_server::{ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::{
     CodeActionKind, CodeActionOptions, CodeActionProviderCapability, DidChangeTextDocumentParams,
-    DidCloseTextDocumentParams, DidOpenTextDocumentParams, FoldingRangeProviderCapability, HoverProviderCapability,
-    InitializeParams, OneOf, PublishDiagnosticsParams, SemanticTokensFullOptions, SemanticTokensOptions,
-    SemanticTokensServerCapabilities, ServerCapabilities, TextDocumentSyncCapability, TextDocumentSyncKind, Uri,
+    DidCloseTextDocumentParams, DidOpenTextDocumentParams, DidSaveTextDocumentParams, FoldingRangeProviderCapability,
+    HoverProviderCapability, InitializeParams, OneOf, PublishDiagnosticsParams, SemanticTokensFullOptions,
+    SemanticTokensOptions, SemanticTokensServerCapabilities, ServerCapabilities, TextDocumentSyncCapability,
+    TextDocumentSyncKind, Uri,
 };
 use serde_json::{Map, Value, json};
 
@@ -27,7 +28,7 @@ use super::syntax;
 use super::transport::{self, Received};
 use crate::commands::{CliError, EXIT_REFUSED};
 
-/// Longest document that is kept, bytes.
+/// Longest document that is judged, bytes.
 const MAX_DOCUMENT_BYTES: usize = 32 << 20;
 /// Most bytes of all documents.
 const MAX_OPEN_BYTES: usize = 256 << 20;
@@ -54,8 +55,10 @@ struct Task {
 
 /// A document that the editor has open.
 struct Open {
-    /// `None` while it is too long to be kept.
+    /// `None` while it is too long to be judged.
     document: Option<Arc<Document>>,
+    /// One that is too long, for the changes that make it shorter; `None` where all together would be too long.
+    too_long: Option<Arc<Document>>,
     judged: Option<Arc<Judgement>>,
     /// Ends the judging of the present version.
     superseded: Arc<AtomicBool>,
@@ -316,7 +319,11 @@ impl<W: Write> Server<W> {
                 self.publish(uri, None, Vec::new())
             }
             // What other files say may have changed.
-            "textDocument/didSave" | "workspace/didChangeWatchedFiles" => self.judge_everything(),
+            "textDocument/didSave" => {
+                self.saved(told.params)?;
+                self.judge_everything()
+            }
+            "workspace/didChangeWatchedFiles" => self.judge_everything(),
             "workspace/didChangeConfiguration" => {
                 self.settings.options = options(told.params.pointer("/settings/feedwave"));
                 self.judge_everything()
@@ -347,12 +354,13 @@ impl<W: Write> Server<W> {
     }
 
     fn open(&mut self, uri: Uri, document: Document) -> Result<(), CliError> {
-        let others = self.documents.iter().filter(|(known, _)| *known != uri.as_str());
-        let others: usize = others.filter_map(|(_, open)| open.document.as_ref()).map(|it| it.text().len()).sum();
         let size = document.text().len();
-        let fits = size <= MAX_DOCUMENT_BYTES && others + size <= MAX_OPEN_BYTES;
+        let is_kept = size <= self.room_for(&uri);
+        let fits = is_kept && size <= MAX_DOCUMENT_BYTES;
+        let document = is_kept.then(|| Arc::new(document));
         let open = Open {
-            document: fits.then(|| Arc::new(document)),
+            document: document.clone().filter(|_| fits),
+            too_long: document.filter(|_| !fits),
             judged: None,
             superseded: Arc::new(AtomicBool::new(false)),
         };
@@ -360,6 +368,27 @@ impl<W: Write> Server<W> {
             former.superseded.store(true, Ordering::Relaxed);
         }
         if fits { self.judge(&uri) } else { self.too_long(uri) }
+    }
+
+    /// Bytes that a document may have beside the others.
+    fn room_for(&self, uri: &Uri) -> usize {
+        let others = self.documents.iter().filter(|(known, _)| *known != uri.as_str());
+        let kept = others.filter_map(|(_, open)| open.document.as_ref().or(open.too_long.as_ref()));
+        MAX_OPEN_BYTES.saturating_sub(kept.map(|it| it.text().len()).sum())
+    }
+
+    /// A document whose text is not known any more is known again by the text that was saved.
+    fn saved(&mut self, params: Value) -> Result<(), CliError> {
+        let Ok(DidSaveTextDocumentParams { text_document, text }) = serde_json::from_value(params) else {
+            return Ok(());
+        };
+        let known = self.documents.get(text_document.uri.as_str());
+        let is_unknown = known.is_some_and(|open| open.document.is_none() && open.too_long.is_none());
+        match text {
+            // Its version is that of the change behind it.
+            Some(text) if is_unknown => self.open(text_document.uri, Document::new(0, text)),
+            _ => Ok(()),
+        }
     }
 
     fn too_long(&mut self, uri: Uri) -> Result<(), CliError> {
@@ -372,21 +401,23 @@ impl<W: Write> Server<W> {
 
     fn change(&mut self, params: DidChangeTextDocumentParams) -> Result<(), CliError> {
         let uri = params.text_document.uri;
+        let room = self.room_for(&uri);
         let Some(open) = self.documents.get_mut(uri.as_str()) else { return Ok(()) };
-        // One that was too long is known again when its whole text comes.
-        let mut document = match (&mut open.document, params.content_changes.first()) {
-            (Some(document), _) => Arc::clone(document),
+        // One whose text is not known is known again when its whole text comes.
+        let mut document = match (open.document.take().or(open.too_long.take()), params.content_changes.first()) {
+            (Some(document), _) => document,
             (None, Some(first)) if first.range.is_none() => Arc::new(Document::new(0, String::new())),
             (None, _) => return Ok(()),
         };
-        open.document = None;
         let changed = Arc::make_mut(&mut document);
-        if changed.change(params.text_document.version, params.content_changes, MAX_DOCUMENT_BYTES).is_err() {
-            open.superseded.store(true, Ordering::Relaxed);
-            return self.too_long(uri);
+        let is_kept = changed.change(params.text_document.version, params.content_changes, room).is_ok();
+        if is_kept && document.text().len() <= MAX_DOCUMENT_BYTES {
+            open.document = Some(document);
+            return self.judge(&uri);
         }
-        open.document = Some(document);
-        self.judge(&uri)
+        open.too_long = is_kept.then_some(document);
+        open.superseded.store(true, Ordering::Relaxed);
+        self.too_long(uri)
     }
 
     fn judge_everything(&mut self) -> Result<(), CliError> {
@@ -443,7 +474,8 @@ fn capabilities() -> ServerCapabilities {
         text_document_sync: Some(TextDocumentSyncCapability::Options(lsp_types::TextDocumentSyncOptions {
             open_close: Some(true),
             change: Some(TextDocumentSyncKind::INCREMENTAL),
-            save: Some(lsp_types::TextDocumentSyncSaveOptions::Supported(true)),
+            // The text makes a document known again that was too long to be kept.
+            save: Some(lsp_types::SaveOptions { include_text: Some(true) }.into()),
             ..lsp_types::TextDocumentSyncOptions::default()
         })),
         hover_provider: Some(HoverProviderCapability::Simple(true)),
