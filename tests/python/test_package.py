@@ -15,7 +15,7 @@ import feedwave.aio
 import feedwave.plot
 from conftest import FIXTURES, Service
 from feedwave.setpoints import Decoder
-from feedwave.v1 import feed_override_pb2, machines_pb2, report_pb2, setpoints_pb2
+from feedwave.v1 import decisions_pb2, feed_override_pb2, machines_pb2, report_pb2, setpoints_pb2
 
 TRAP, CURED, BAD = (FIXTURES / name for name in ("spec-trap.nc", "spec-trap-cured.nc", "bad.nc"))
 SLOT = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X20 F1200\nG0 X30\nM30\n"
@@ -405,3 +405,12 @@ def test_asyncio_does_the_same(server, slot):
     assert [finding.code for finding in report.findings] == ["VIB-CHIP-UNBROKEN"]
     assert np.array_equal(setpoints["X_mm"], slot.setpoints()["X_mm"]) and sum(batches) == setpoints.count
     assert slot.name in names and error.violations and waited.is_ready
+
+
+def test_a_decision_says_why_nothing_was_judged():
+    proto = decisions_pb2.Decision(sensor_time_ns=1_099_000_000)
+    proto.span.samples, proto.span.valid, proto.span.removed.out_of_range = 100, 46, 54
+    proto.outcome.action, proto.outcome.reason = decisions_pb2.DECISION_ACTION_HOLD, decisions_pb2.DECISION_REASON_DATA
+    proto.outcome.hold_reason, proto.outcome.after.feed = decisions_pb2.HOLD_REASON_TOO_FEW_SAMPLES, 1.0
+    told = "decision 0 at 1.099 s: HOLD, DATA (TOO_FEW_SAMPLES, 46 of 100 samples valid: 54 out_of_range), feed 100 %"
+    assert str(feedwave.Decision.of(proto)) == told

@@ -30,6 +30,12 @@ class Decision:
     """When it was made, on the sensors' clock, s."""
     deviation: float | None
     """Largest deviation of the tool in the window, unit of the monitoring; absent where no window was judged."""
+    hold_reason: str
+    """Why nothing is judged or everything is held, as in `TOO_FEW_SAMPLES`; empty where that is not so."""
+    samples: int
+    """Samples of the window."""
+    valid_samples: int
+    """Those of them that could be used; `proto.span.removed` says why others could not."""
     proto: decisions_pb2.Decision
     """The decision as the contract has it, with everything that it depends on."""
 
@@ -47,12 +53,20 @@ class Decision:
             spindle=outcome.after.spindle,
             time_s=proto.sensor_time_ns * 1e-9,
             deviation=inputs.process.max_deviation if inputs.WhichOneof("evidence") == "process" else None,
+            hold_reason=value_name(decisions_pb2.HoldReason, outcome.hold_reason) if outcome.hold_reason else "",
+            samples=proto.span.samples,
+            valid_samples=proto.span.valid,
             proto=proto,
         )
 
+    def _removed(self) -> str:
+        removed = [f"{count} {field.name}" for field, count in self.proto.span.removed.ListFields()]
+        return f", {self.valid_samples} of {self.samples} samples valid: {', '.join(removed)}" if removed else ""
+
     def __str__(self) -> str:
         deviation = "" if self.deviation is None else f", deviation {self.deviation:.6g}"
-        return f"decision {self.number} at {self.time_s:.3f} s: {self.action}, {self.reason}{deviation}, feed {100 * self.feed:.4g} %"
+        why = f" ({self.hold_reason}{self._removed()})" if self.hold_reason else ""
+        return f"decision {self.number} at {self.time_s:.3f} s: {self.action}, {self.reason}{why}{deviation}, feed {100 * self.feed:.4g} %"
 
 
 @dataclass(frozen=True)
