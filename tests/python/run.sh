@@ -35,6 +35,7 @@ rm -rf "$scratch/dist"
 pure=("$scratch"/dist/feedwave-*.whl)
 
 # With the core as an extension, for programs without a service.
+cargo fmt --check --manifest-path "$package/native/Cargo.toml"
 CARGO_TARGET_DIR=$scratch/native "$scratch/venv/bin/maturin" build --quiet --release --locked --manifest-path "$package/native/Cargo.toml" \
     --interpreter "$scratch/venv/bin/python" --out "$scratch/dist/native"
 native=("$scratch"/dist/native/*.whl)

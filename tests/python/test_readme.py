@@ -16,7 +16,7 @@ LONGEST = 30
 
 
 def test_every_script_is_short():
-    assert list(SCRIPTS) == ["validate.py", "plan.py", "live.py"]
+    assert list(SCRIPTS) == ["validate.py", "plan.py", "live.py", "local.py"]
     assert max(len(script.splitlines()) for script in SCRIPTS.values()) <= LONGEST
 
 
@@ -35,6 +35,7 @@ def folder(tmp_path_factory):
         ("validate.py", ["warning[VIB-CHIP-UNBROKEN]", "accepted: nothing found", "breaks per revolution"], ["fixed.nc"]),
         ("plan.py", ["last point X 5.0 mm (radius), Z 20.0 mm", "the vibration reaches 0.0300 mm"], ["feed.svg", "chip.png"]),
         ("live.py", ["FEED_ABOVE_LIMIT", "WITHIN_LIMITS", "cause='DECISION'", "Ended(state='FINISHED'"], []),
+        ("local.py", ["accepted", "X_mm", "mm/min"], []),
     ],
 )
 def test_a_script_runs_as_printed(server, folder, name, told, files):
