@@ -338,14 +338,12 @@ fn a_document_beyond_all_bounds_is_known_again_when_it_is_saved() {
     let piece = "(0123456789)\n".repeat((40 << 20) / 13);
     session.open(&name, &piece);
     let place = json!({ "line": 0, "character": 0 });
-    for version in 2..=8 {
-        let part = json!({ "range": { "start": place, "end": place }, "text": piece });
-        let document = json!({ "uri": name, "version": version });
-        session.tell("textDocument/didChange", &json!({ "textDocument": document, "contentChanges": [part] }));
-    }
+    let part = json!({ "range": { "start": place, "end": place }, "text": piece });
+    let document = json!({ "uri": name, "version": 2 });
+    session.tell("textDocument/didChange", &json!({ "textDocument": document, "contentChanges": [part] }));
     // Without its text nothing can be made of a change.
     let part = json!({ "range": { "start": place, "end": { "line": u32::MAX, "character": 0 } }, "text": "" });
-    let document = json!({ "uri": name, "version": 9 });
+    let document = json!({ "uri": name, "version": 3 });
     session.tell("textDocument/didChange", &json!({ "textDocument": document, "contentChanges": [part] }));
     session.tell("textDocument/didSave", &json!({ "textDocument": { "uri": name }, "text": "G1 X5 Q\n" }));
     assert!(!session.shown(&name, 0).is_empty());

@@ -30,6 +30,8 @@ use crate::commands::{CliError, EXIT_REFUSED};
 
 /// Longest document that is judged, bytes.
 const MAX_DOCUMENT_BYTES: usize = 32 << 20;
+/// Longest document whose changes are followed, bytes: as long as a message may be.
+const MAX_FOLLOWED_BYTES: usize = 64 << 20;
 /// Most bytes of all documents.
 const MAX_OPEN_BYTES: usize = 256 << 20;
 /// Most questions that wait for their answers.
@@ -57,7 +59,7 @@ struct Task {
 struct Open {
     /// `None` while it is too long to be judged.
     document: Option<Arc<Document>>,
-    /// One that is too long, for the changes that make it shorter; `None` where all together would be too long.
+    /// One that is too long, for the changes that make it shorter; `None` beyond what is followed.
     too_long: Option<Arc<Document>>,
     judged: Option<Arc<Judgement>>,
     /// Ends the judging of the present version.
@@ -370,11 +372,11 @@ impl<W: Write> Server<W> {
         if fits { self.judge(&uri) } else { self.too_long(uri) }
     }
 
-    /// Bytes that a document may have beside the others.
+    /// Bytes that a document may have beside the others, for its changes to be followed.
     fn room_for(&self, uri: &Uri) -> usize {
         let others = self.documents.iter().filter(|(known, _)| *known != uri.as_str());
         let kept = others.filter_map(|(_, open)| open.document.as_ref().or(open.too_long.as_ref()));
-        MAX_OPEN_BYTES.saturating_sub(kept.map(|it| it.text().len()).sum())
+        MAX_OPEN_BYTES.saturating_sub(kept.map(|it| it.text().len()).sum()).min(MAX_FOLLOWED_BYTES)
     }
 
     /// A document whose text is not known any more is known again by the text that was saved.
