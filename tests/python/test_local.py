@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 import threading
 import time
 
@@ -69,13 +70,13 @@ def test_actions_are_those_of_the_service(client, channel):
 
 
 def test_tools_files_and_overrides_count(client):
-    main = "G21 G90 G94 T7 M6 G43 H7\nS3000 M3\nG0 X0 Y0 Z5\nM98 P1000\nM30\n"
+    main = "G21 G90 G94 T8 M6 G43 H8\nS3000 M3\nG0 X0 Y0 Z5\nM98 P1000\nM30\n"
     files = {"O1000.nc": "O1000\nG1 X20 F600\nM99\n"}
-    tool = {"name": "tools/seven", "number": 7, "length_mm": 80.0, "diameter_mm": 10.0}
+    tool = {"name": "tools/eight", "number": 8, "length_mm": 80.0, "diameter_mm": 10.0}
     client.put_tool(tool)
     options = {"machine": "mill", "files": files, "overrides": [(0.2, 0.5)]}
     local = feedwave.local.validate(main, tools=[tool], **options)
-    assert message_of(local) == message_of(client.validate(main, tools=["seven"], **options))
+    assert message_of(local) == message_of(client.validate(main, tools=["eight"], **options))
     assert any(finding.code.startswith("PRG-") for finding in feedwave.local.validate(main, machine="mill").errors)
 
 
@@ -150,7 +151,7 @@ def test_memory_does_not_grow_with_the_program(tmp_path):
     for lines in (2_000, 40_000):
         path = tmp_path / f"{lines}.nc"
         path.write_text(long_program(lines))
-        done = subprocess.run([os.sys.executable, "-c", script, path], capture_output=True, text=True, check=True, timeout=300)
+        done = subprocess.run([sys.executable, "-c", script, path], capture_output=True, text=True, check=True, timeout=300)
         count, peak_kib = map(int, done.stdout.split())
         peaks.append(peak_kib)
     # All setpoints at once would be seven columns of doubles.
