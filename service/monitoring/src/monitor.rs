@@ -245,22 +245,7 @@ impl Monitor {
                     self.run.spindle.refused = None;
                 }
             }
-            Event::Overrides { feed, spindle } => {
-                let rules = &self.config.rules;
-                for (which, value, bounds) in
-                    [("feed", feed, rules.feed_bounds), ("spindle", spindle, rules.spindle_bounds)]
-                {
-                    if !(bounds.lower..=bounds.upper).contains(&value) {
-                        return Err(EventError::Override { which, value, lower: bounds.lower, upper: bounds.upper });
-                    }
-                }
-                self.run.overrides = Overrides { feed, spindle };
-                // A hold ends with a resume only.
-                if let Some(held_feed) = &mut self.run.held_feed {
-                    *held_feed = feed;
-                    self.run.overrides.feed = 0.0;
-                }
-            }
+            Event::Overrides { feed, spindle } => self.take_overrides(Overrides { feed, spindle })?,
             Event::Resume => {
                 if let Some(feed) = self.run.held_feed.take() {
                     self.run.overrides.feed = feed;
@@ -301,6 +286,24 @@ impl Monitor {
                     self.fall_silent(sink);
                 }
             }
+        }
+        Ok(())
+    }
+
+    fn take_overrides(&mut self, overrides: Overrides) -> Result<(), EventError> {
+        let rules = &self.config.rules;
+        for (which, value, bounds) in
+            [("feed", overrides.feed, rules.feed_bounds), ("spindle", overrides.spindle, rules.spindle_bounds)]
+        {
+            if !(bounds.lower..=bounds.upper).contains(&value) {
+                return Err(EventError::Override { which, value, lower: bounds.lower, upper: bounds.upper });
+            }
+        }
+        self.run.overrides = overrides;
+        // A hold ends with a resume only.
+        if let Some(held_feed) = &mut self.run.held_feed {
+            *held_feed = overrides.feed;
+            self.run.overrides.feed = 0.0;
         }
         Ok(())
     }

@@ -252,37 +252,7 @@ pub const fn state_to_proto(state: State) -> proto::MonitorState {
 #[must_use]
 pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcome)> {
     let (inputs, outcome) = (decision.inputs.as_ref()?, decision.outcome.as_ref()?);
-    let evidence = match inputs.evidence.as_ref()? {
-        ProtoEvidence::ToolCheck(check) => Evidence::ToolCheck {
-            least: check.least.as_slice().try_into().ok()?,
-            most: check.most.as_slice().try_into().ok()?,
-            max_ratio: check.max_ratio,
-            max_run_out: check.max_run_out,
-        },
-        ProtoEvidence::IdleCheck(check) => Evidence::IdleCheck {
-            spindle_rev_per_min: check.spindle_rev_per_min,
-            difference: check.difference,
-            max_difference: check.max_difference,
-        },
-        ProtoEvidence::Process(process) => Evidence::Process(Properties {
-            max_deviation: process.max_deviation,
-            mean_angle: process.mean_angle.map(|mean| (mean.angle_deg, mean.concentration)),
-            line: match &process.line {
-                Some(line) => Some(line_from_proto(line)?),
-                None => None,
-            },
-        }),
-        ProtoEvidence::Unfit(reason) => Evidence::Unfit(hold_from_proto(proto::HoldReason::try_from(*reason).ok()?)?),
-        ProtoEvidence::SilenceNs(tolerated_ns) => Evidence::Silence { tolerated_ns: *tolerated_ns },
-        ProtoEvidence::SpindleAnswer(it) => Evidence::SpindleAnswer {
-            decision: it.decision_number,
-            answer: spindle_answer_from_proto(it.kind(), it.reached_ns, it.rev_per_min)?,
-            request: it.request.map(request_from_proto),
-        },
-        ProtoEvidence::SpindleUnfit(it) => {
-            Evidence::SpindleUnfit { spindle: it.spindle, setpoint_index: it.setpoint_index }
-        }
-    };
+    let evidence = evidence_from_proto(inputs.evidence.as_ref()?)?;
     let mut violations = Violations::default();
     let rules = rules_from_proto(&mut violations, inputs.rules.as_ref()?);
     if !violations.is_empty() {
@@ -316,6 +286,40 @@ pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcom
         planned_spindle: outcome.planned_spindle,
     };
     Some((inputs, outcome))
+}
+
+fn evidence_from_proto(evidence: &ProtoEvidence) -> Option<Evidence> {
+    Some(match evidence {
+        ProtoEvidence::ToolCheck(check) => Evidence::ToolCheck {
+            least: check.least.as_slice().try_into().ok()?,
+            most: check.most.as_slice().try_into().ok()?,
+            max_ratio: check.max_ratio,
+            max_run_out: check.max_run_out,
+        },
+        ProtoEvidence::IdleCheck(check) => Evidence::IdleCheck {
+            spindle_rev_per_min: check.spindle_rev_per_min,
+            difference: check.difference,
+            max_difference: check.max_difference,
+        },
+        ProtoEvidence::Process(process) => Evidence::Process(Properties {
+            max_deviation: process.max_deviation,
+            mean_angle: process.mean_angle.map(|mean| (mean.angle_deg, mean.concentration)),
+            line: match &process.line {
+                Some(line) => Some(line_from_proto(line)?),
+                None => None,
+            },
+        }),
+        ProtoEvidence::Unfit(reason) => Evidence::Unfit(hold_from_proto(proto::HoldReason::try_from(*reason).ok()?)?),
+        ProtoEvidence::SilenceNs(tolerated_ns) => Evidence::Silence { tolerated_ns: *tolerated_ns },
+        ProtoEvidence::SpindleAnswer(it) => Evidence::SpindleAnswer {
+            decision: it.decision_number,
+            answer: spindle_answer_from_proto(it.kind(), it.reached_ns, it.rev_per_min)?,
+            request: it.request.map(request_from_proto),
+        },
+        ProtoEvidence::SpindleUnfit(it) => {
+            Evidence::SpindleUnfit { spindle: it.spindle, setpoint_index: it.setpoint_index }
+        }
+    })
 }
 
 fn overrides_from_message(overrides: Option<proto::Overrides>) -> Option<monitoring::Overrides> {

@@ -202,16 +202,7 @@ impl Problem<'_> {
             let force: Vec<f64> = (0..samples)
                 .map(|place| (0..4).map(|part| parameters[FORCES + part] * columns[part][axis][place]).sum())
                 .collect();
-            let by = |change: &dyn Fn(&mut Mode, f64), value: f64| -> Vec<f64> {
-                let [ahead, behind] = [STEP, -STEP].map(|step| {
-                    let mut moved = mode;
-                    change(&mut moved, value * (1.0 + step));
-                    deflection(&moved, rate_hz, &force)
-                });
-                ahead.iter().zip(&behind).map(|(ahead, behind)| (ahead - behind) / (2.0 * STEP * value)).collect()
-            };
-            let by_frequency = by(&|mode, value| mode.frequency_hz = value, mode.frequency_hz);
-            let by_damping = by(&|mode, value| mode.damping_ratio = value, mode.damping_ratio);
+            let [by_frequency, by_damping] = by_mode(mode, rate_hz, &force);
             let own = SHARED + OWN * number + 2 * axis;
             let places = [
                 FORCES,
@@ -236,20 +227,10 @@ impl Problem<'_> {
                     predicted += parameters[FORCES + part] * parts[part][place];
                 }
                 predicted += parameters[SURFACE] * surface[0] + parameters[SURFACE + 1] * surface[1];
-                let row = [
-                    parts[0][place],
-                    parts[1][place],
-                    parts[2][place],
-                    parts[3][place],
-                    parts[4][place],
-                    parts[5][place],
-                    by_frequency[place],
-                    by_damping[place],
-                    surface[0],
-                    surface[1],
-                    1.0,
-                    share,
-                ];
+                let [k_tc, k_te, k_rc, k_re, cosine, sine] = std::array::from_fn(|part| parts[part][place]);
+                let by_mode = [by_frequency[place], by_damping[place]];
+                let row =
+                    [k_tc, k_te, k_rc, k_re, cosine, sine, by_mode[0], by_mode[1], surface[0], surface[1], 1.0, share];
                 take(&places, &row, measured[place] - predicted);
             }
         }
@@ -327,4 +308,20 @@ impl Problem<'_> {
             samples: self.judged(),
         })
     }
+}
+
+/// How the deflection under a force changes with the mode's frequency and with its damping, by central differences.
+fn by_mode(mode: Mode, rate_hz: f64, force: &[f64]) -> [Vec<f64>; 2] {
+    let by = |change: &dyn Fn(&mut Mode, f64), value: f64| -> Vec<f64> {
+        let [ahead, behind] = [STEP, -STEP].map(|step| {
+            let mut moved = mode;
+            change(&mut moved, value * (1.0 + step));
+            deflection(&moved, rate_hz, force)
+        });
+        ahead.iter().zip(&behind).map(|(ahead, behind)| (ahead - behind) / (2.0 * STEP * value)).collect()
+    };
+    [
+        by(&|mode, value| mode.frequency_hz = value, mode.frequency_hz),
+        by(&|mode, value| mode.damping_ratio = value, mode.damping_ratio),
+    ]
 }

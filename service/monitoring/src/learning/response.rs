@@ -62,9 +62,7 @@ pub(super) fn forces(
             let Some(Chip { mean_mm, share, by_mm }) = Chip::within(per_edge_mm * sin + extra_mm, change_mm) else {
                 continue;
             };
-            let depth_mm = cut.depth_mm;
-            let along = [-depth_mm * cos, depth_mm * sin];
-            let outwards = [-depth_mm * sin, -depth_mm * cos];
+            let [along, outwards] = [[-cos, sin], [-sin, -cos]].map(|axis| axis.map(|part| cut.depth_mm * part));
             let by_chip = [0, 1].map(|it| {
                 (tangential * share + edge_tangential * by_mm) * along[it]
                     + (radial * share + edge_radial * by_mm) * outwards[it]

@@ -218,11 +218,7 @@ impl Sharing {
         let heard = self.heard.entry(key.clone()).or_insert(Heard { told_us: i64::MIN, place: None });
         if told.is_connected && told.age >= SILENCE && (may_judge || heard.place.is_none()) {
             if let Some(place) = heard.place.take() {
-                let view = match self.store.run(told.run_id).await {
-                    Ok(run) => Some(view_of(&self.store, &run).await?),
-                    Err(StoreError::NotFound { .. }) => None,
-                    Err(error) => return Err(error.into()),
-                };
+                let view = in_log(&self.store, told.run_id).await?;
                 place.floor.disconnect(&place.machine_id, place.ticket, view);
             }
             heard.told_us = told.told_us;
@@ -277,6 +273,15 @@ impl Sharing {
         }
         heard.told_us = told.told_us;
         Ok(())
+    }
+}
+
+/// What the log says of a run; `None` where it is deleted.
+async fn in_log(store: &Store, run_id: Uuid) -> Result<Option<RunView>> {
+    match store.run(run_id).await {
+        Ok(run) => Ok(Some(view_of(store, &run).await?)),
+        Err(StoreError::NotFound { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -163,7 +163,7 @@ impl PostgresOptions {
                 "host" if value.starts_with('/') && self.host.is_empty() => self.host = value.clone().into_owned(),
                 "host" => {
                     return Err(InvalidStoreUri::new(
-                        "the option host is the folder of a socket, where no host stands before the path",
+                        "the option host is the folder of a socket, where no host is before the path",
                     ));
                 }
                 "user" if self.user.is_empty() => self.user = value.clone().into_owned(),

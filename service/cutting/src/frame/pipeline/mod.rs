@@ -362,18 +362,21 @@ impl Pipeline {
             }
         }
         if self.interpolator.next_index() > MAX_SETPOINTS {
-            let line = block.line.last().copied().unwrap_or_default();
-            let message = format!("the program has more than {MAX_SETPOINTS} setpoints at this interpolation period");
-            let finding = Finding::new(
-                code::PLAN_TOO_MANY_SETPOINTS,
-                SourceSpan { line, column: 1, ..SourceSpan::default() },
-                message,
-            );
-            let finding = finding.with_value("limit", MAX_SETPOINTS as f64, "");
-            self.findings.push(finding.suggest("use a longer interpolation period, or split the program"));
+            self.refuse_more_setpoints(block.line.last().copied().unwrap_or_default());
             return Step::Refused;
         }
         Step::Block
+    }
+
+    fn refuse_more_setpoints(&mut self, line: u32) {
+        let message = format!("the program has more than {MAX_SETPOINTS} setpoints at this interpolation period");
+        let finding = Finding::new(
+            code::PLAN_TOO_MANY_SETPOINTS,
+            SourceSpan { line, column: 1, ..SourceSpan::default() },
+            message,
+        );
+        let finding = finding.with_value("limit", MAX_SETPOINTS as f64, "");
+        self.findings.push(finding.suggest("use a longer interpolation period, or split the program"));
     }
 
     /// Bounds the memory that a vibration of large amplitude on very short blocks takes.

@@ -1,11 +1,12 @@
 //! Planned changes of the spindle speed: at a place between sections nothing is handed out until the speed of what follows is
 //! decided (docs/functions/adaptive-feed.md, "Planned changes of the spindle speed").
 
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use feedwave_contract::proto;
 use feedwave_cutting::{SpindleChange, SpindleTrial, TrialStep};
-use feedwave_monitoring::{Decision, Evidence, Reason};
+use feedwave_monitoring::{Decision, Evidence, Reason, SpindleRequest};
 use feedwave_program::Finding;
 
 use super::setpoints::Setpoints;
@@ -90,10 +91,34 @@ impl Gate {
             return Ok(None);
         };
         let request = session.monitor().spindle().request;
+        if let ControlFlow::Break(asked) = self.go_on(request, index, setpoints, session)? {
+            return Ok(asked);
+        }
+        let present = setpoints.spindle_ratio();
+        match request {
+            // The programmed speed was judged by the validation.
+            Some(request) if request.spindle == 1.0 => self.ask(request.decision, 1.0, index, setpoints, session),
+            Some(request) => self.try_at(request.spindle, setpoints),
+            None if present == 1.0 => {
+                self.passed = Some(index);
+                Ok(None)
+            }
+            None => self.try_at(present, setpoints),
+        }
+    }
+
+    /// Goes on with what is kept at the place in hand: breaks with what is to be sent, or with nothing while it is not settled.
+    fn go_on(
+        &mut self,
+        request: Option<SpindleRequest>,
+        index: u64,
+        setpoints: &mut Setpoints,
+        session: &mut Session,
+    ) -> Result<ControlFlow<Option<proto::RunSpindleRequest>>> {
         match &mut self.keeps {
             Keeps::Asking { decision, needed, .. } => {
                 if request.is_some_and(|request| request.decision == *decision) {
-                    return Ok(None);
+                    return Ok(ControlFlow::Break(None));
                 }
                 // Refused, or another is wanted; one that is reached has opened the place.
                 if *needed && request.is_none() {
@@ -109,39 +134,31 @@ impl Gate {
             Keeps::Judging(trial, spindle) => {
                 let spindle = *spindle;
                 match setpoints.judge(trial)? {
-                    TrialStep::More | TrialStep::NeedInput(_) => return Ok(None),
+                    TrialStep::More | TrialStep::NeedInput(_) => return Ok(ControlFlow::Break(None)),
                     TrialStep::Fails(finding) => {
                         self.keeps = Keeps::Refused;
                         session.refuse_spindle(spindle, index, &reason(&finding))?;
-                        return Ok(None);
+                        return Ok(ControlFlow::Break(None));
                     }
                     TrialStep::Holds if spindle == setpoints.spindle_ratio() => {
                         self.keeps = Keeps::Nothing;
                         self.passed = Some(index);
-                        return Ok(None);
+                        return Ok(ControlFlow::Break(None));
                     }
                     TrialStep::Holds => {
                         self.keeps = Keeps::Nothing;
                         if let Some(request) = request.filter(|request| request.spindle == spindle) {
-                            return self.ask(request.decision, spindle, index, setpoints, session);
+                            return self
+                                .ask(request.decision, spindle, index, setpoints, session)
+                                .map(ControlFlow::Break);
                         }
                     }
                 }
             }
-            Keeps::Refused if !session.waiting_decisions().is_empty() => return Ok(None),
+            Keeps::Refused if !session.waiting_decisions().is_empty() => return Ok(ControlFlow::Break(None)),
             Keeps::Nothing | Keeps::Refused => self.keeps = Keeps::Nothing,
         }
-        let present = setpoints.spindle_ratio();
-        match request {
-            // The programmed speed was judged by the validation.
-            Some(request) if request.spindle == 1.0 => self.ask(request.decision, 1.0, index, setpoints, session),
-            Some(request) => self.try_at(request.spindle, setpoints),
-            None if present == 1.0 => {
-                self.passed = Some(index);
-                Ok(None)
-            }
-            None => self.try_at(present, setpoints),
-        }
+        Ok(ControlFlow::Continue(()))
     }
 
     fn try_at(&mut self, spindle: f64, setpoints: &Setpoints) -> Result<Option<proto::RunSpindleRequest>> {

@@ -143,18 +143,7 @@ impl Worker {
                 }
                 request => request?,
             };
-            for decision in self.session.waiting_decisions() {
-                if let Some(change) = change_of(decision) {
-                    self.feed.set_spindle(decision.number, change);
-                    continue;
-                }
-                match decision.outcome.action {
-                    Action::Stop => self.feed.set_cause(Cause::Stop(decision.number)),
-                    Action::Change => self.feed.set_cause(Cause::Decision(decision.number)),
-                    Action::HoldFeed => self.feed.set_cause(Cause::Escalation(decision.number)),
-                    Action::Keep | Action::Hold => {}
-                }
-            }
+            self.take_decisions();
             // After the last setpoint there is nothing left that could change.
             let change = match self.total {
                 None => self.feed.change(self.session.overrides().feed, self.setpoints.earliest_change()),
@@ -178,6 +167,22 @@ impl Worker {
             );
             if last {
                 return ended.map_or(Ok(()), Err);
+            }
+        }
+    }
+
+    /// What waiting decisions ask of feed and spindle.
+    fn take_decisions(&mut self) {
+        for decision in self.session.waiting_decisions() {
+            if let Some(change) = change_of(decision) {
+                self.feed.set_spindle(decision.number, change);
+                continue;
+            }
+            match decision.outcome.action {
+                Action::Stop => self.feed.set_cause(Cause::Stop(decision.number)),
+                Action::Change => self.feed.set_cause(Cause::Decision(decision.number)),
+                Action::HoldFeed => self.feed.set_cause(Cause::Escalation(decision.number)),
+                Action::Keep | Action::Hold => {}
             }
         }
     }
