@@ -181,7 +181,7 @@ pub(crate) struct RadiusCompensation {
     pub(crate) number: Option<u32>,
 }
 
-/// See [`RadiusCompensation`].
+/// What `G41` or `G42` switched on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CompensationOn {
     /// Line that switched it on.

@@ -1,5 +1,6 @@
 //! The store as one caller sees it: the records of its tenant, and machines and tools, which are everybody's. What belongs to
-//! another tenant does not exist. Who changes something has it in the audit log by its name.
+//! another tenant does not exist. Who changes something has it in the audit log by its name. What has the name of a method of the store
+//! does what that does.
 
 use bytes::Bytes;
 use feedwave_contract::names;
@@ -53,13 +54,11 @@ impl Records {
 
 /// Jobs.
 impl Records {
-    /// See [`feedwave_store::Jobs::job`].
     pub(crate) async fn job(&self, id: Uuid) -> Result<Job> {
         let job = self.store.job(id).await?;
         if job.tenant == self.tenant() { Ok(job) } else { Err(missing(Kind::Job, id)) }
     }
 
-    /// See [`feedwave_store::Jobs::job_detail`].
     pub(crate) async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
         let detail = self.store.job_detail(id).await?;
         if detail.job.tenant == self.tenant() { Ok(detail) } else { Err(missing(Kind::Job, id)) }
@@ -73,12 +72,10 @@ impl Records {
         Ok(job)
     }
 
-    /// See [`feedwave_store::Jobs::list_jobs`].
     pub(crate) async fn list_jobs(&self, filter: JobFilter, page: &PageRequest) -> Result<Page<Job>> {
         self.store.list_jobs(&JobFilter { tenant: Some(self.tenant()), ..filter }, page).await
     }
 
-    /// See [`feedwave_store::Jobs::transition`].
     pub(crate) async fn transition(
         &self,
         id: Uuid,
@@ -92,7 +89,6 @@ impl Records {
         self.store.transition(id, from, to, detail, report).await
     }
 
-    /// See [`feedwave_store::Jobs::report`].
     pub(crate) async fn report(&self, id: Uuid) -> Result<StoredReport> {
         self.job(id).await?;
         self.store.report(id).await
@@ -106,7 +102,6 @@ impl Records {
         Ok(job)
     }
 
-    /// See [`feedwave_store::Jobs::events_after`].
     pub(crate) async fn events_after(&self, sequence: i64, job_id: Option<Uuid>, limit: u32) -> Result<Vec<JobEvent>> {
         let filter = EventFilter { tenant: Some(self.tenant()), job_id };
         self.store.events_after(sequence, &filter, limit).await
@@ -120,38 +115,31 @@ impl Records {
 
 /// Programs.
 impl Records {
-    /// See [`feedwave_store::Programs::put_program`].
     pub(crate) async fn put_program(&self, source: Bytes) -> Result<ProgramInfo> {
         self.store.put_program(self.tenant(), source).await
     }
 
-    /// See [`feedwave_store::Programs::program_info`].
     pub(crate) async fn program_info(&self, id: ProgramId) -> Result<ProgramInfo> {
         self.store.program_info(self.own(id)).await
     }
 
-    /// See [`feedwave_store::Programs::program_entry`].
     pub(crate) async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry> {
         self.store.program_entry(self.own(id)).await
     }
 
-    /// See [`feedwave_store::Programs::list_programs`].
     pub(crate) async fn list_programs(&self, file_name: &str, page: &PageRequest) -> Result<Page<ProgramEntry>> {
         self.store.list_programs(Some(self.tenant()), file_name, page).await
     }
 
-    /// See [`feedwave_store::Programs::name_program`].
     pub(crate) async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {
         self.store.name_program(self.own(id), file_name).await
     }
 
-    /// See [`feedwave_store::Programs::delete_program`].
     pub(crate) async fn delete_program(&self, id: ProgramId) -> Result<()> {
         self.caller.concerns(names::program(id));
         self.store.delete_program(self.own(id)).await
     }
 
-    /// See [`feedwave_store::Programs::begin_upload`].
     pub(crate) async fn begin_upload(&self, expected: ProgramId, size_bytes: u64) -> Result<UploadStart> {
         self.caller.concerns(names::program(expected));
         self.store.begin_upload(self.own(expected), size_bytes, &self.caller.client()).await
@@ -167,7 +155,6 @@ impl Records {
         self.store.finish_upload(upload.id).await
     }
 
-    /// See [`feedwave_store::Programs::uploads`].
     pub(crate) async fn uploads(&self) -> Result<Vec<UploadInfo>> {
         let mut uploads = self.store.uploads().await?;
         uploads.retain(|upload| upload.expected.tenant() == self.tenant());
@@ -182,20 +169,17 @@ impl Records {
 
 /// Runs.
 impl Records {
-    /// See [`feedwave_store::Runs::put_monitoring`].
     pub(crate) async fn put_monitoring(&self, job_id: Uuid, config: Json) -> Result<()> {
         self.caller.concerns(names::job(job_id));
         self.job(job_id).await?;
         self.store.put_monitoring(job_id, config).await
     }
 
-    /// See [`feedwave_store::Runs::monitoring`].
     pub(crate) async fn monitoring(&self, job_id: Uuid) -> Result<Json> {
         self.job(job_id).await?;
         self.store.monitoring(job_id).await
     }
 
-    /// See [`feedwave_store::Runs::create_run`].
     pub(crate) async fn create_run(&self, new: NewRun) -> Result<AttachedRun> {
         self.job(new.job_id).await?;
         let attached = self.store.create_run(new).await?;
@@ -203,35 +187,29 @@ impl Records {
         Ok(attached)
     }
 
-    /// See [`feedwave_store::Runs::attach_run`].
     pub(crate) async fn attach_run(&self, id: Uuid) -> Result<AttachedRun> {
         self.caller.concerns(names::run(id));
         self.run(id).await?;
         self.store.attach_run(id).await
     }
 
-    /// See [`feedwave_store::Runs::run`].
     pub(crate) async fn run(&self, id: Uuid) -> Result<Run> {
         let run = self.store.run(id).await?;
         if run.tenant == self.tenant() { Ok(run) } else { Err(missing(Kind::Run, id)) }
     }
 
-    /// See [`feedwave_store::Runs::list_runs`].
     pub(crate) async fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
         self.store.list_runs(Some(self.tenant()), job_id, page).await
     }
 
-    /// See [`feedwave_store::Runs::run_conditions`].
     pub(crate) async fn run_conditions(&self, run: &Run) -> Result<Vec<RunCondition>> {
         self.store.run_conditions(run.id).await
     }
 
-    /// See [`feedwave_store::Runs::telemetry_gaps`].
     pub(crate) async fn telemetry_gaps(&self, run: &Run) -> Result<Vec<TelemetryGap>> {
         self.store.telemetry_gaps(run.id).await
     }
 
-    /// See [`feedwave_store::Runs::acknowledge_condition`].
     pub(crate) async fn acknowledge_condition(
         &self,
         id: Uuid,
@@ -244,7 +222,6 @@ impl Records {
         self.store.acknowledge_condition(id, decision_number, by, note).await
     }
 
-    /// See [`feedwave_store::Runs::decisions_after`].
     pub(crate) async fn decisions_after(
         &self,
         sequence: i64,
@@ -263,12 +240,10 @@ impl Records {
 
 /// The figures of what the caller may see: of its tenant, or of all.
 impl Records {
-    /// See [`feedwave_store::Jobs::count_jobs`].
     pub(crate) async fn count_jobs(&self) -> Result<Vec<(JobState, u64)>> {
         self.store.count_jobs(self.caller.confined_to()).await
     }
 
-    /// See [`feedwave_store::Runs::count_open_conditions`].
     pub(crate) async fn count_open_conditions(&self) -> Result<u64> {
         self.store.count_open_conditions(self.caller.confined_to()).await
     }
@@ -281,12 +256,10 @@ impl Records {
         }
     }
 
-    /// See [`feedwave_store::Audit::audit_after`].
     pub(crate) async fn audit_after(&self, sequence: i64, principal: &str, limit: u32) -> Result<Vec<AuditEntry>> {
         self.store.audit_after(sequence, &self.audit_filter(principal), limit).await
     }
 
-    /// See [`feedwave_store::Audit::audit_changed_after`].
     pub(crate) async fn audit_changed_after(
         &self,
         change: i64,
@@ -307,7 +280,6 @@ impl Records {
 
 /// Machines and tools: the workshop's, whatever the tenant.
 impl Records {
-    /// See [`feedwave_store::Machines::create_machine`].
     pub(crate) async fn create_machine(&self, id: Option<&str>, body: Json) -> Result<MachineRecord> {
         if let Some(id) = id {
             self.caller.concerns(names::machine(id));
@@ -315,29 +287,24 @@ impl Records {
         self.store.create_machine(id, body).await
     }
 
-    /// See [`feedwave_store::Machines::machine`].
     pub(crate) async fn machine(&self, id: &str) -> Result<MachineRecord> {
         self.store.machine(id).await
     }
 
-    /// See [`feedwave_store::Machines::list_machines`].
     pub(crate) async fn list_machines(&self, page: &PageRequest) -> Result<Page<MachineRecord>> {
         self.store.list_machines(page).await
     }
 
-    /// See [`feedwave_store::Machines::update_machine`].
     pub(crate) async fn update_machine(&self, id: &str, etag: Option<&str>, body: Json) -> Result<MachineRecord> {
         self.caller.concerns(names::machine(id));
         self.store.update_machine(id, etag, body).await
     }
 
-    /// See [`feedwave_store::Machines::delete_machine`].
     pub(crate) async fn delete_machine(&self, id: &str, etag: Option<&str>) -> Result<()> {
         self.caller.concerns(names::machine(id));
         self.store.delete_machine(id, etag).await
     }
 
-    /// See [`feedwave_store::Tools::create_tool`].
     pub(crate) async fn create_tool(&self, id: Option<&str>, number: u32, body: Json) -> Result<ToolRecord> {
         if let Some(id) = id {
             self.caller.concerns(names::tool(id));
@@ -345,17 +312,14 @@ impl Records {
         self.store.create_tool(id, number, body).await
     }
 
-    /// See [`feedwave_store::Tools::tool`].
     pub(crate) async fn tool(&self, id: &str) -> Result<ToolRecord> {
         self.store.tool(id).await
     }
 
-    /// See [`feedwave_store::Tools::list_tools`].
     pub(crate) async fn list_tools(&self, filter: &ToolFilter, page: &PageRequest) -> Result<Page<ToolRecord>> {
         self.store.list_tools(filter, page).await
     }
 
-    /// See [`feedwave_store::Tools::update_tool`].
     pub(crate) async fn update_tool(
         &self,
         id: &str,
@@ -367,7 +331,6 @@ impl Records {
         self.store.update_tool(id, etag, number, body).await
     }
 
-    /// See [`feedwave_store::Tools::delete_tool`].
     pub(crate) async fn delete_tool(&self, id: &str, etag: Option<&str>) -> Result<()> {
         self.caller.concerns(names::tool(id));
         self.store.delete_tool(id, etag).await

@@ -224,7 +224,7 @@ fn escalation(found: &mut Violations, escalation: proto::Escalation) -> Option<E
     Some(Escalation { windows: escalation.windows.unwrap_or(default.windows), action })
 }
 
-/// See [`monitoring_from_proto`].
+/// The message of a configuration, every default written out.
 #[must_use]
 pub fn monitoring_to_proto(config: &MonitoringConfig) -> proto::MonitoringConfig {
     let by = match config.grouping {

@@ -143,7 +143,7 @@ pub const fn generation_mode_from_proto(mode: proto::GenerationMode) -> Option<G
     }
 }
 
-/// See [`generation_mode_from_proto`].
+/// The message's name of a mode.
 #[must_use]
 pub const fn generation_mode_to_proto(mode: GenerationMode) -> proto::GenerationMode {
     match mode {
@@ -163,7 +163,7 @@ pub const fn vibration_envelope_from_proto(envelope: proto::VibrationEnvelope) -
     }
 }
 
-/// See [`vibration_envelope_from_proto`].
+/// The message's name of an envelope.
 #[must_use]
 pub const fn vibration_envelope_to_proto(envelope: VibrationEnvelope) -> proto::VibrationEnvelope {
     match envelope {

@@ -157,7 +157,6 @@ pub const fn rotation_to_proto(rotation: SpindleRotation) -> proto::SpindleRotat
     }
 }
 
-/// See [`start_up_from_proto`].
 const fn start_up_to_proto(start_up: StartUp) -> proto::ThreadStartUp {
     match start_up {
         StartUp::Preparatory => proto::ThreadStartUp::Preparatory,
