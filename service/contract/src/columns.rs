@@ -1,6 +1,6 @@
 //! The columns of setpoints: one table for the stream, for files and for whoever decodes a stream.
 //!
-//! Invariants: a column's name ends with its unit, and the name of an axis stands in it as the machine has it (`X_mm`,
+//! Invariants: a column's name ends with its unit, and holds the name of an axis as the machine has it (`X_mm`,
 //! `A_deg`, `X_vibration_amplitude_mm`); a stream and a file of the same setpoints have the same columns in the same order.
 
 use feedwave_cutting::SetpointBlock;

@@ -215,7 +215,7 @@ fn a_section_that_an_error_kept_from_running_does_not_say_that_nothing_was_clamp
 }
 
 #[test]
-fn a_spline_with_a_cusp_is_refused_where_it_stands() {
+fn a_spline_with_a_cusp_is_refused_where_it_is() {
     let config = PipelineConfig::new(MachineProfile::mill());
     // Out and back over the same control point.
     let report = validate("G21 G17 F600\nG0 X0 Y0\nG5.1 X0 Y0 I10 J0\nM30\n", &config);

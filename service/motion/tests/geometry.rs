@@ -183,7 +183,7 @@ proptest! {
         for (found, wanted) in found.iter().zip(at(share * sweep)) {
             prop_assert!((found - wanted).abs() <= 1e-9, "{found} for {wanted}");
         }
-        // No jump to the exact ends either. So near that the way itself is a tenth of the bound at most.
+        // No jump to the exact ends either. So near that the distance itself is a tenth of the bound at most.
         for (s, end) in [(1e-13, element.start), (1.0 - 1e-13, element.end)] {
             let near = element.position(s * element.length);
             prop_assert!((near[0] - end[0]).abs() <= 1e-9 && (near[1] - end[1]).abs() <= 1e-9, "{near:?} {end:?}");

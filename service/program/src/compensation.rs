@@ -51,9 +51,9 @@ pub enum CompensationRules {
     LinuxCnc,
     /// As FANUC controls do it.
     Fanuc {
-        /// Way to the contour and away from it.
+        /// Moves to the contour and from it.
         entry: CompensationEntry,
-        /// Way round outside corners.
+        /// How outside corners are passed.
         corner: CompensationCorner,
     },
 }

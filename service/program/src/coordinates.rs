@@ -31,7 +31,7 @@ pub(crate) struct Coordinates {
     pub(crate) shift: Position,
     /// What machine coordinates are more than work coordinates: all offsets together.
     pub(crate) total: Position,
-    /// The way from programmed positions to work coordinates, where it does anything.
+    /// From programmed positions to work coordinates, where it does anything.
     pub(crate) transform: Option<Box<Transform>>,
     /// `G16`
     pub(crate) polar: Option<Polar>,

@@ -1,4 +1,4 @@
-//! What stands where in a program, for editors: programs, labels, loops, and what calls and jumps mean. Nothing is executed,
+//! What is where in a program, for editors: programs, labels, loops, and what calls and jumps mean. Nothing is executed,
 //! so a program with errors has an outline as well.
 
 use crate::dialect::{CodeTable, Flow, Letter, Meaning};
@@ -331,7 +331,7 @@ pub enum WordRole {
     Unknown,
 }
 
-/// What letters and codes mean on a machine, whatever stands around them.
+/// What letters and codes mean on a machine, whatever is around them.
 #[derive(Clone, Debug)]
 pub struct Vocabulary {
     table: CodeTable,

@@ -148,9 +148,9 @@ pub enum AngleRange {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CompensationSettings {
-    /// Way to the contour and away from it.
+    /// Moves to the contour and from it.
     pub entry: CompensationEntry,
-    /// Way round outside corners.
+    /// How outside corners are passed.
     pub corner: CompensationCorner,
 }
 

@@ -139,7 +139,7 @@ export const switchLanguage = () => {
 
 export { remember, remembered };
 
-/** A word or sentence, with what stands in braces filled in. */
+/** A word or sentence, with what is in braces filled in. */
 export const t = (key, values = {}) =>
   (WORDS[language][key] ?? key).replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
 

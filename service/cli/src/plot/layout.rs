@@ -263,14 +263,14 @@ impl<'a> Placed<'a> {
                 Proportions::Free => String::new(),
                 _ => format!("{} ", axis.label),
             };
-            let ways = [
+            let directions = [
                 left.map(|value| format!("{}down to {}", named(x), x.value(value))),
                 right.map(|value| format!("{}up to {}", named(x), x.value(value))),
                 low.map(|value| format!("{}down to {}", named(y), y.value(value))),
                 high.map(|value| format!("{}up to {}", named(y), y.value(value))),
             ];
-            let ways: Vec<_> = ways.into_iter().flatten().collect();
-            format!("beyond the scale: {name}, {}", ways.join(", "))
+            let directions: Vec<_> = directions.into_iter().flatten().collect();
+            format!("beyond the scale: {name}, {}", directions.join(", "))
         };
         sentences.extend(found.into_iter().map(sentence));
         sentences

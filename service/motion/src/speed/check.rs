@@ -84,10 +84,10 @@ pub(super) fn ramp(path: &Path<'_>, end: usize, ramp: Ramp) -> f64 {
     let mut largest = 0.0_f64;
     for place in 0..=PLACES {
         let Ramp { jerk, time_s, .. } = Ramp::new(ramp.jerk, ramp.time_s * place as f64 / PLACES as f64);
-        let way = jerk * time_s * time_s * time_s / 6.0;
-        path.derivatives(if end == 0 { way } else { path.length - way }, &mut derivatives);
+        let distance = jerk * time_s * time_s * time_s / 6.0;
+        path.derivatives(if end == 0 { distance } else { path.length - distance }, &mut derivatives);
         let (speed, acceleration) = (0.5 * jerk * time_s * time_s, jerk * time_s);
-        // Backwards in time the acceleration is the other way round.
+        // Backwards in time the acceleration has the opposite sign.
         let acceleration = if end == 0 { acceleration } else { -acceleration };
         for (axis, [first, bend, twist]) in path.axes.iter().zip(&derivatives) {
             let accelerates = bend * speed * speed + first * acceleration;

@@ -1,6 +1,6 @@
 //! A speed along a stretch as a function of time, in segments on which it is known in closed form.
 //!
-//! On a segment b = ṡ² is a quadratic polynomial of the place, so that s̈ = b′/2 is linear in it: with x the way since the
+//! On a segment b = ṡ² is a quadratic polynomial of the place, so that s̈ = b′/2 is linear in it: with x the distance since the
 //! segment's start, ẍ = a + ω·x. Its solution are hyperbolic or circular functions of ω·t², taken as series: segments last
 //! milliseconds, and |ω|·t² stays below one. Next to rest the jerk is constant instead.
 
@@ -42,7 +42,7 @@ pub(crate) struct Segment {
 }
 
 impl Segment {
-    /// Way and speed `t` seconds after its start.
+    /// Distance and speed `t` seconds after its start.
     #[inline]
     pub(super) fn after(&self, t: f64) -> (f64, f64) {
         let square = t * t;
@@ -54,12 +54,12 @@ impl Segment {
         let cosine = 0.5
             + z * (1.0 / 24.0)
                 * (1.0 + z * (1.0 / 30.0) * (1.0 + z * (1.0 / 56.0) * (1.0 + z * (1.0 / 90.0) * (1.0 + z / 132.0))));
-        let way = t * (self.speed * sine + t * (self.acceleration * cosine + t * (self.jerk * (1.0 / 6.0))));
+        let distance = t * (self.speed * sine + t * (self.acceleration * cosine + t * (self.jerk * (1.0 / 6.0))));
         let speed = self.speed * (1.0 + z * cosine) + t * (self.acceleration * sine + t * (0.5 * self.jerk));
-        (way, speed)
+        (distance, speed)
     }
 
-    /// The rest of it from the way `x` on.
+    /// The rest of it from the distance `x` on.
     pub(super) fn from(&self, x: f64, t: f64) -> Self {
         let (speed, acceleration) = if self.jerk == 0.0 {
             let square = self.speed * self.speed + x * (2.0 * self.acceleration + self.rate * x);
@@ -83,8 +83,8 @@ impl Segment {
             t = if mean > 0.0 { (2.0 * length / mean).min(high) } else { high };
         }
         for _ in 0..SOLVER_STEPS {
-            let (way, speed) = self.after(t);
-            let excess = way - length;
+            let (distance, speed) = self.after(t);
+            let excess = distance - length;
             if excess > 0.0 {
                 high = t;
             } else {

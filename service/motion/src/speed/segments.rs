@@ -5,7 +5,7 @@ use super::check::Governors;
 use super::course::{Course, Governor, Segment};
 use super::problem::Knots;
 
-/// Largest relative error of the way of a segment at its end.
+/// Largest relative error of the length of a segment at its end.
 const ARRIVAL: f64 = 1e-9;
 /// Largest |ω|·t² of a segment: what the series leave out is then below rounding.
 const LARGEST_SERIES: f64 = 0.25;

@@ -165,7 +165,7 @@ pub fn freeform() -> Program {
 }
 
 /// As many blocks of 0.2 mm along a curve with ripples that stays within 40 mm, written to a tenth of a micrometre: a program as
-/// long as one likes, of changes between curves that a usual feed takes and such that it has to slow down for.
+/// long as one likes, of curves that a common feed passes alternate with such that it has to slow down for.
 #[must_use]
 pub fn ripples(blocks: usize) -> Program {
     let at = |t: f64| {
@@ -196,7 +196,7 @@ pub fn line_arc_line() -> Program {
 }
 
 impl Program {
-    /// Its elements, without blocks that do not move; block k stands on line k + 1.
+    /// Its elements, without blocks that do not move; block k is on line k + 1.
     #[must_use]
     pub fn elements(&self) -> Vec<Element> {
         let mut start = self.start;

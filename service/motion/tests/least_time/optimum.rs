@@ -1,4 +1,4 @@
-//! The least time along a path that a planner has made, found in another way than planners find it.
+//! The least time along a path that a planner has made, found by another method than that of planners.
 //!
 //! The problem is the one of the crate (b(s) = ṡ², limits of every axis pointwise), but values of b at nodes a millisecond
 //! apart are sought, with derivatives by differences of three of them and limits at the nodes only, by a primal barrier

@@ -52,7 +52,7 @@ impl Block {
         let span = self.span_of(start + behind as u32, start + (behind + block.trim_ascii_end().len()) as u32);
         let text = String::from_utf8_lossy(block.trim_ascii_end()).into_owned();
         findings.push_with(code::BEHIND_BLOCK_END, |code| {
-            let message = format!("`{text}` stands behind `;`, which ends a block: it would be run as another one");
+            let message = format!("`{text}` is behind `;`, which ends a block: it would be run as another one");
             let finding = Finding::new(code, span, message).suggest("on a line of its own, if it is to be run");
             match text.contains(['(', ')']) {
                 true => finding.suggest("in parentheses, if it is a comment"),

@@ -181,7 +181,7 @@ impl Block {
     }
 }
 
-/// Refuses what stands in a token behind the value that was read, as where a dialect wants brackets around operations: nothing
+/// Refuses what is in a token behind the value that was read, as where a dialect wants brackets around operations: nothing
 /// of a value is left out in silence.
 fn nothing_between(line: &[u8], read_to: usize, end: usize, cure: &'static str) -> Result<(), Box<Defect>> {
     if line[read_to.min(end)..end].iter().all(|byte| matches!(byte, b' ' | b'\t')) {

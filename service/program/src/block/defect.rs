@@ -1,4 +1,4 @@
-//! What is wrong with a word or with what stands between words: errors that leave the block unclear.
+//! What is wrong with a word or with what is between words: errors that leave the block unclear.
 
 use super::{Block, LARGEST_LABEL, LARGEST_NUMBER};
 use crate::code;
@@ -140,7 +140,7 @@ impl Block {
             if *is_certain {
                 return finding.suggest_replacement(format!("write {text}"), text.clone());
             }
-            finding.suggest(format!("write it again, as {text} if that is meant: it may be read in two ways"))
+            finding.suggest(format!("write it again, as {text} if that is meant: it may be read as either"))
         });
     }
 
@@ -156,8 +156,7 @@ impl Block {
             return self.report_lookalike(line, &Stretch { start, end, text, is_certain: true }, findings);
         }
         self.defect(code::CHARACTER, token, findings, |mut finding| {
-            "O stands behind other words: a program number is the first word of its block"
-                .clone_into(&mut finding.message);
+            "O is behind other words: a program number is the first word of its block".clone_into(&mut finding.message);
             finding.suggest("write 0, if a zero is meant, or the program number in a block of its own")
         });
     }

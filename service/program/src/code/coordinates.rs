@@ -91,8 +91,8 @@ crate::finding_codes! {
     }
 
     "PRG-ROLL-OVER" [ROLL_OVER: Error] {
-        meaning: "an angle of an axis that rolls over with two ways to it, or none",
-        cause: "The angle is half a turn away, so that both ways are equally short; in LinuxCNC it is a full turn or more. Or only the \
+        meaning: "an angle of an axis that rolls over with two equally short turns to it, or none",
+        cause: "The angle is half a turn away, so that both directions are equally short; in LinuxCNC it is a full turn or more. Or only the \
               machine knows where the axis is, after tool centre point control or a tilted plane has turned it.",
         cure: "Go there in two moves, or by an incremental one; where only the machine knows the place, by its reference position first.",
         example: on("mill, language.coordinates.roll_over_axes = C", "G0 C0\nC180"),

@@ -43,14 +43,14 @@ crate::finding_codes! {
     }
 
     "PRG-CYCLE-SPINDLE" [CYCLE_SPINDLE: Error] {
-        meaning: "a tapping or boring cycle whose spindle does not turn, or turns the wrong way",
+        meaning: "a tapping or boring cycle whose spindle does not turn, or turns in the wrong direction",
         cause: "`G84` needs M3, `G74` M4; a rigid tap needs a speed; LinuxCNC's `G86` needs a turning spindle.",
         cure: "Start the spindle in the right direction before the cycle, such as `M3 S500`.",
         example: mill("G0 Z10\nG84 X10 Z-5 R2 F100"),
     }
 
     "PRG-CYCLE-SETTING" [CYCLE_SETTING: Error] {
-        meaning: "a cycle that controls carry out in different ways, and the machine profile does not say which",
+        meaning: "a cycle that controls carry out differently, and the machine profile does not say which",
         cause: "A setting of `language.drilling` is missing: the finding names it.",
         cure: "Set it as the manual of the machine says.",
         example: lathe("M3 S1000\nG0 X0 Z5\nG83 Z-20 R-3 Q5000 F0.1"),

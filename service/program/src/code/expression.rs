@@ -49,7 +49,7 @@ crate::finding_codes! {
     }
 
     "PRG-EXPRESSION-TRUTH" [EXPRESSION_TRUTH: Error] {
-        meaning: "a condition where a number is needed, or the other way round",
+        meaning: "a condition where a number is needed, or a number where a condition is",
         cause: "In Macro B a comparison cannot be stored, and a number is no condition; AND and OR between comparisons need brackets.",
         cure: "Put each condition in brackets of its own: `[[#1 GT 0] AND [#2 LT 5]]`; assign 1 or 0 behind `IF [...] THEN`.",
         example: lathe("#1=[#2 GT 5]"),

@@ -50,7 +50,7 @@ crate::finding_codes! {
     "PRG-THREAD-FLANK" [THREAD_FLANK: Info] {
         meaning: "the passes of a threading cycle begin beside each other, along the flank of the tool",
         cause: "Pass by pass the start moves by what the depth lacks of the height times the tangent of half the tool angle, away from \
-                the end of the thread, so that the last pass begins where the cycle does. Some controls move it the other way.",
+                the end of the thread, so that the last pass begins where the cycle does. Some controls move it in the other direction.",
         cure: "Start far enough from the work on both sides; the thread itself is the same.",
         example: lathe("M3 S500\nG0 X24 Z5\nG76 P010060 Q100 R0.05\nG76 X18.16 Z-20 P920 Q300 F1.5"),
     }

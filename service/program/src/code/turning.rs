@@ -39,8 +39,8 @@ crate::finding_codes! {
 
     "PRG-TURNING-MONOTONY" [TURNING_MONOTONY: Error] {
         meaning: "a contour that turns back where its roughing cycle does not permit it",
-        cause: "A contour whose first block moves along one axis only (type I) must grow in X and go one way in Z throughout; one whose \
-              first block moves both (type II) may have pockets, but goes one way along the passes. A thousandth of a millimetre is \
+        cause: "A contour whose first block moves along one axis only (type I) must grow in X and keep one direction in Z throughout; one whose \
+              first block moves both (type II) may have pockets, but keeps one direction along the passes. A thousandth of a millimetre is \
               permitted.",
         cure: "Write Z in the first block as well, W0 at least, for pockets; otherwise correct the block that the finding names.",
         example: lathe(

@@ -367,7 +367,7 @@ impl Contour {
         ArcGeometry { plane: self.mode.plane, center, clockwise: circle.is_clockwise(), sweep_rad }
     }
 
-    /// The way round a corner, by the words of the block behind it.
+    /// How a corner is passed, by the words of the block behind it.
     fn corner(&mut self, joint: &Joint, next: &Block, place: Place, sink: &mut Sink) {
         let (points, count, circle) = match joint.corner {
             Corner::Lines(points, count) => (points, count, None),

@@ -26,7 +26,7 @@ pub(super) struct Joint {
     pub(super) overcut: f64,
 }
 
-/// The way round a corner.
+/// How a corner is passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Corner {
     /// Lines to each of the first so many points, the last of which is the start of the second block.

@@ -162,9 +162,10 @@ fn report_gouge(span: SourceSpan, Gouge { depth_mm, line, is_link }: Gouge, find
     let code = if is_link { code::COMP_GOUGE_LINK } else { code::COMP_GOUGE };
     findings.push_with(code, |code| {
         let (what, cure) = match is_link {
-            true => {
-                ("on its way to the contour or away from it", "start and end beside the contour, at right angles to it")
-            }
+            true => (
+                "on its entry to the contour or exit from it",
+                "start and end beside the contour, at right angles to it",
+            ),
             false => ("on its path", "use a smaller tool, or switch the compensation off between both"),
         };
         let message = format!("{what}, the tool cuts {} mm into the contour, here and at line {line}", shown(depth_mm));

@@ -42,7 +42,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The way to a contour or away from it, which can cut into every block.
+    /// The entry to a contour or the exit from it, which can cut into every block.
     pub(super) const LINK: Self = Self { block: 0, newest: u64::MAX, is_link: true };
 
     /// The same, leading to a contour or away from it where that is so.
@@ -91,11 +91,11 @@ pub(super) struct Gouge {
     pub(super) depth_mm: f64,
     /// Line of the block on whose contour or path it is, beside the present one.
     pub(super) line: u32,
-    /// On the way to the contour or away from it.
+    /// On the entry to the contour or the exit from it.
     pub(super) is_link: bool,
 }
 
-/// The worst cut on the contour, and the worst on the way to it or away from it.
+/// The worst cut on the contour, and the worst on the entry to it or the exit from it.
 pub(super) type Gouges = [Option<Gouge>; 2];
 
 /// The window.

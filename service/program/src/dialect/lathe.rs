@@ -127,7 +127,7 @@ const LATHE_G_CODES: &[Code] = &[
     code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
 ];
 
-/// The G codes that the G-code system named by a lathe's profile reads in its own way, after which those of [`LATHE_G_CODES`]
+/// The G codes that the G-code system named by a lathe's profile reads differently, after which those of [`LATHE_G_CODES`]
 /// count.
 pub(super) fn system_codes(settings: &LanguageSettings) -> &'static [Code] {
     match (settings.dialect, settings.g_code_system) {

@@ -35,7 +35,7 @@ pub(crate) enum MachineStep {
 pub(crate) enum MachineAction {
     /// Hands it on.
     Pass,
-    /// `M19`: the spindle is turned to an angle, and stands.
+    /// `M19`: the spindle is turned to an angle, and stops there.
     Orient,
     /// `M29`: the tapping cycle behind it is rigid.
     RigidTapping,

@@ -102,7 +102,7 @@ pub(super) enum Impossible {
     NegativeModulo,
     /// Bits of a number that is not whole or has more than 32 of them.
     Bits,
-    /// A truth value where a number is needed, or the other way round.
+    /// A truth value where a number is needed, or a number where a truth value is.
     Truth,
 }
 

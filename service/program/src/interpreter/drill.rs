@@ -239,7 +239,7 @@ impl Execution<'_> {
         } else if !transform.keeps_plane(self.state.plane) {
             "a drilling cycle in another plane than that of the rotation"
         } else if matches!(cycle, Cycle::FineBore | Cycle::BackBore) {
-            "which way the tool is moved off the wall in transformed coordinates depends on the control"
+            "in which direction the tool is moved off the wall in transformed coordinates depends on the control"
         } else {
             return false;
         };

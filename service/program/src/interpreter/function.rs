@@ -20,7 +20,7 @@ impl Execution<'_> {
         let rules = function_words(function, on);
         let mut words = Vec::with_capacity(rules.len());
         for &FunctionWordRule { letter, is_length, required, instead } in rules {
-            // What stands in its place was read; this one is no word of the function then.
+            // What is in its place was read; this one is no word of the function then.
             if instead.is_some_and(|other| words.iter().any(|word: &FunctionWord| word.letter == char::from(other))) {
                 continue;
             }

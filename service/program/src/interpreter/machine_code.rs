@@ -159,7 +159,9 @@ impl Execution<'_> {
         let missing = |letter: char| value(letter).is_none();
         let message = match code.word.rule.number {
             19 if value('R').is_some_and(|angle| !(0.0..=360.0).contains(&angle)) => "the angle R must be 0 to 360",
-            19 if value('P').is_some_and(|way| ![0.0, 1.0, 2.0].contains(&way)) => "the direction P must be 0, 1 or 2",
+            19 if value('P').is_some_and(|direction| ![0.0, 1.0, 2.0].contains(&direction)) => {
+                "the direction P must be 0, 1 or 2"
+            }
             19 if value('Q').is_some_and(|time| time <= 0.0) => "the time Q must be positive",
             61 if !value('Q').is_some_and(is_whole) => "it needs the number of the tool, Q",
             62..=65 if !value('P').is_some_and(is_whole) => "it needs the number of the output, P",
@@ -167,7 +169,9 @@ impl Execution<'_> {
                 "it needs the number of one input, P for a digital or E for an analogue one"
             }
             66 if !value('P').or(value('E')).is_some_and(is_whole) => "the number of the input must be whole",
-            66 if value('L').is_some_and(|mode| !is_whole(mode) || mode > 4.0) => "the way to wait, L, must be 0 to 4",
+            66 if value('L').is_some_and(|mode| !is_whole(mode) || mode > 4.0) => {
+                "the kind of waiting, L, must be 0 to 4"
+            }
             66 if !missing('E') && value('L').is_some_and(|mode| mode != 0.0) => {
                 "an analogue input is read at once: L must be 0"
             }

@@ -41,7 +41,7 @@ pub struct CoordinateSettings {
     pub two_digit_tools: bool,
     /// `G43` without `H` takes the length of the tool in the spindle (a Haas setting).
     pub length_of_tool: bool,
-    /// The rotary axes A, B and C that roll over: an absolute word goes the shorter way.
+    /// The rotary axes A, B and C that roll over: an absolute word takes the shorter turn.
     pub roll_over: [bool; 3],
 }
 

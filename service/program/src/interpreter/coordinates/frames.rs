@@ -38,7 +38,7 @@ impl Execution<'_> {
         self.select_system(system, span);
     }
 
-    /// Another system from here on; the machine stands where it is.
+    /// Another system from here on; the machine stays where it is.
     pub(in super::super) fn select_system(&mut self, system: WorkSystem, span: SourceSpan) {
         if system == self.state.coords.system {
             return;

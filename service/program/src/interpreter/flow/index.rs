@@ -70,7 +70,7 @@ impl Index {
             }
             Found::Nowhere => Err(format!("there is no block N{number} in this program")),
             Found::Twice(one, other) => {
-                Err(format!("N{number} stands on line {} and on line {}: which is meant?", one.line(), other.line()))
+                Err(format!("N{number} is on line {} and on line {}: which is meant?", one.line(), other.line()))
             }
         };
         let (start, end) = (block(first)?, block(last)?);

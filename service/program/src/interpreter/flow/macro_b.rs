@@ -66,7 +66,7 @@ impl Interpreter {
         let (value, end) = self.value(line, at, findings)?;
         let number = self.target_number(value, span, findings)?;
         if !is_blank_or_comment(line, end) {
-            return self.bad_statement(span, "GOTO stands at the end of its block", findings);
+            return self.bad_statement(span, "GOTO must be last in its block", findings);
         }
         self.wait(span, Jump::Label(number));
         Some(())
@@ -108,7 +108,7 @@ impl Interpreter {
                 let (p, p_end) = letters(line, behind);
                 let has_label = line[p..p_end].eq_ignore_ascii_case(b"P");
                 if number != 99 {
-                    return self.bad_statement(span, "behind the condition stands GOTO, THEN or M99", findings);
+                    return self.bad_statement(span, "behind the condition must be GOTO, THEN or M99", findings);
                 }
                 if !holds {
                     return Some(());
@@ -122,7 +122,7 @@ impl Interpreter {
                 self.end_call(span, label);
                 Some(())
             }
-            _ => self.bad_statement(span, "behind the condition stands GOTO with a number, or THEN", findings),
+            _ => self.bad_statement(span, "behind the condition must be GOTO with a number, or THEN", findings),
         }
     }
 
@@ -141,14 +141,14 @@ impl Interpreter {
             return if holds { self.goto(line, at + 4, span, findings) } else { Some(()) };
         }
         if line.get(at) != Some(&b'#') {
-            return self.bad_statement(span, "behind THEN stands one assignment, #1=2, and nothing else", findings);
+            return self.bad_statement(span, "behind THEN must be one assignment, #1=2, and nothing else", findings);
         }
         if !holds {
             return Some(());
         }
         let end = self.assign_at(line, at, operations, findings)?;
         if !is_blank_or_comment(line, end) {
-            return self.bad_statement(span, "behind THEN stands one assignment, #1=2, and nothing else", findings);
+            return self.bad_statement(span, "behind THEN must be one assignment, #1=2, and nothing else", findings);
         }
         Some(())
     }
@@ -157,7 +157,7 @@ impl Interpreter {
         let (holds, at) = self.condition(line, at, findings)?;
         let (start, end) = letters(line, at);
         if !line[start..end].eq_ignore_ascii_case(b"DO") {
-            return self.bad_statement(span, "behind the condition of WHILE stands DO with a number", findings);
+            return self.bad_statement(span, "behind the condition of WHILE must be DO with a number", findings);
         }
         self.begin_loop(line, end, holds, span, findings)
     }
@@ -184,7 +184,7 @@ impl Interpreter {
             return self.bad_statement(span, "END has the number of its DO, 1 to 3", findings);
         };
         if !is_blank_or_comment(line, end) {
-            return self.bad_statement(span, "END stands alone in its block", findings);
+            return self.bad_statement(span, "END must be alone in its block", findings);
         }
         let here = self.state.place;
         let Some(open) = self.state.flow.loops.iter().rposition(|open| open.last.place == here) else {

@@ -31,7 +31,7 @@ impl Interpreter {
             if start == end && is_blank_or_comment(line, behind) && !name.starts_with('<') {
                 return None;
             }
-            let message = "behind an O-word stands sub, call, if, while or another of its words";
+            let message = "behind an O-word must be sub, call, if, while or another of its words";
             return Some(self.bad_statement::<()>(span, message, findings).is_some());
         };
         Some(self.o_execute(what, name, line, end, span, findings).is_some())
@@ -76,7 +76,7 @@ impl Interpreter {
             _ => {}
         }
         if !is_blank_or_comment(line, end) {
-            return self.bad_statement(span, "nothing else stands in the line of an O-word", findings);
+            return self.bad_statement(span, "nothing else may be in the line of an O-word", findings);
         }
         self.wait(span, Jump::OWord(what, value));
         Some(())

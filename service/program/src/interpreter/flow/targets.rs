@@ -74,7 +74,7 @@ impl Interpreter {
             }),
             (Found::Twice(first, second), _) => self.no_target(pending, findings, |finding| {
                 let message =
-                    format!("N{number} stands on line {} and on line {}: which is meant?", first.line(), second.line());
+                    format!("N{number} is on line {} and on line {}: which is meant?", first.line(), second.line());
                 (message, finding.suggest("give one of them another number"))
             }),
         }

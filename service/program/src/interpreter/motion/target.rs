@@ -138,10 +138,10 @@ impl Execution<'_> {
     }
 }
 
-/// Half a turn is as far one way as the other, within this, degrees.
+/// Half a turn is as far in one direction as in the other, within this, degrees.
 const HALF_TURN_TOLERANCE_DEG: f64 = 1e-9;
 
-/// Where an axis that rolls over goes for an absolute word: the shorter way; in LinuxCNC the sign says which way.
+/// Where an axis that rolls over goes for an absolute word: the shorter turn; in LinuxCNC the sign is the direction.
 fn rolled_over(present: f64, value: f64, is_linuxcnc: bool) -> Result<f64, &'static str> {
     if is_linuxcnc {
         if value.abs() >= 360.0 {
@@ -156,7 +156,7 @@ fn rolled_over(present: f64, value: f64, is_linuxcnc: bool) -> Result<f64, &'sta
     }
     let ahead = (value - present).rem_euclid(360.0);
     if (ahead - 180.0).abs() < HALF_TURN_TOLERANCE_DEG {
-        return Err("it is half a turn away, so that both ways are equally short");
+        return Err("it is half a turn away, so that both directions are equally short");
     }
     Ok(present + if ahead > 180.0 { ahead - 360.0 } else { ahead })
 }

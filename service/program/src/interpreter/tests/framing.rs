@@ -110,7 +110,7 @@ fn interpret_in_pieces(
                 assert_eq!(&state, interpreter.state());
                 interpreter = Interpreter::restore(settings.clone(), state);
             }
-            // A contour is read from where it stands.
+            // A contour is read from where it is.
             let at = interpreter.place().offset as usize;
             let input = &source[at.min(cut)..cut];
             match interpreter.read_line(input, cut == source.len(), &mut operations, &mut findings) {

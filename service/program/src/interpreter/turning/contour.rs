@@ -28,7 +28,7 @@ pub(super) struct Piece {
     pub(super) is_rapid: bool,
 }
 
-/// A part of a contour that goes one way along both axes, and the place of its block.
+/// A part of a contour that keeps one direction along both axes, and the place of its block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Part {
     pub(super) curve: Curve,
@@ -81,7 +81,7 @@ impl Part {
     }
 }
 
-/// The curves as parts that go one way along both axes.
+/// The curves as parts that keep one direction along both axes.
 pub(super) fn parts(curves: &[Curve]) -> Vec<Part> {
     let mut parts = Vec::with_capacity(curves.len());
     for (block, curve) in curves.iter().enumerate() {

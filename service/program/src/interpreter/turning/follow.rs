@@ -39,7 +39,7 @@ pub(crate) struct ContourRun {
     /// Calls that were open when the contour began.
     depth: u32,
     modes: Option<Box<Modes>>,
-    /// What was read of it, the way to it first.
+    /// What was read of it, the move to it first.
     pieces: Vec<Piece>,
     /// The corner that the words of the present line ask for, and the one that waits behind the last piece for the next.
     asked_corner: Option<Corner>,

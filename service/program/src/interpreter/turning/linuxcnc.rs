@@ -160,7 +160,7 @@ impl Steps {
         }
         if let Some(wrong) = self.segments.iter().find(|segment| !segment.goes_forward()) {
             let message = "the contour turns back along the passes here, or an arc goes beyond a quarter of its circle";
-            let cure = "let the contour go one way, and divide arcs at their quarters";
+            let cure = "let the contour keep one direction, and divide arcs at their quarters";
             let refusal = Refusal::new(code::TURNING_MONOTONY, message, cure);
             return Err(refusal.at(contour.pieces[wrong.block].span));
         }

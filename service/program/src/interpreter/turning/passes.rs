@@ -116,7 +116,7 @@ impl Path {
 /// The contour as it was read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contour<'a> {
-    /// The way to the contour comes first.
+    /// The move to the contour comes first.
     pub(super) pieces: &'a [Piece],
     /// Whether the first block names Z and X.
     pub(super) named: [bool; 2],
@@ -136,7 +136,7 @@ pub(super) fn plan(request: &Request, contour: Contour<'_>) -> Result<Plan, Refu
         ));
     };
     if approach.curve.circle.is_some() {
-        let message = "the first block of the contour is an arc, but it is the way of the passes to their depth";
+        let message = "the first block of the contour is an arc, but the passes go to their depth along it";
         let refusal = Refusal::new(code::TURNING_CONTOUR, message, "begin the contour with G0 or G1");
         return Err(refusal.at(approach.span));
     }
@@ -249,7 +249,7 @@ fn has_pockets(parts: &[Part], pieces: &[Piece], axes: [usize; 2], may_have: boo
         let cure = if axis == 1 {
             "where it is a pocket, name both axes in the first block of the contour, such as W0"
         } else {
-            "let the contour go one way along the passes"
+            "let the contour keep one direction along the passes"
         };
         Refusal::new(code::TURNING_MONOTONY, &message, cure).at(pieces[block].span)
     };

@@ -98,7 +98,7 @@ impl Segment {
     }
 }
 
-/// Offsets the contour behind its first piece, the way to it, whose end follows.
+/// Offsets the contour behind its first piece, the move to it, whose end follows.
 pub(super) fn offset(segments: &mut Vec<Segment>, stock_mm: f64) -> Result<(), Refusal> {
     let mut contour = segments.split_off(1);
     let first = segments[0];
@@ -202,7 +202,7 @@ fn line_crosses(line: &Segment, center: Point, radius: f64, near: Point) -> Opti
     let out = minus(center, line.from);
     let (foot, height) = (dot(out, unit), cross(unit, out));
     let half = (radius * radius - height * height).max(0.0).sqrt();
-    let at = |way: f64| [line.from[0] + unit[0] * way, line.from[1] + unit[1] * way];
+    let at = |place: f64| [line.from[0] + unit[0] * place, line.from[1] + unit[1] * place];
     let (one, other) = (at(foot - half), at(foot + half));
     Some(if distance(near, one) < distance(near, other) { one } else { other })
 }

@@ -25,7 +25,7 @@ fn g10_l2_of_linuxcnc_only_sets_and_l20_reads_the_present_place() {
     let run = run_with(&linuxcnc(), &tools(), program);
     assert_eq!(run.findings, [""; 0]);
     let found: Vec<_> = run.moves.iter().map(|(_, end)| *end).collect();
-    // The shift is -3; Z stands at 105 of the machine.
+    // The shift is -3; Z is at 105 of the machine.
     same(program, &found, &[[17.0, 0.0, 105.0], [18.0, 0.0, 106.0]]);
     resumes(&linuxcnc(), program);
     // In a rotated system as well.

@@ -349,7 +349,7 @@ mod random {
             let program = format!("M3 S1000\nG0 X{start:.3} Z2.\nG71 U{depth:.3} R0.3\nG71 P10 Q20 U{allowance} F0.2\n{text}\nM30\n");
             let (operations, findings) = interpret(program.as_bytes(), a());
             prop_assert!(!findings.has_errors(), "{}\n{:?}", program, findings);
-            // Behind the way to the start of the cycle.
+            // Behind the move to the start of the cycle.
             for operation in operations.iter().filter(|operation| operation.span.line > 2) {
                 let OperationKind::Move(step) = &operation.kind else { continue };
                 for share in 0..=20 {

@@ -71,7 +71,7 @@ impl Interpreter {
             }
         }
         operations.extend(ends);
-        // A first block that ends where it starts is the way to the contour all the same.
+        // A first block that ends where it starts is the move to the contour all the same.
         let is_blocks = run.last.is_some();
         if is_first && is_blocks && run.pieces.is_empty() && named != [false; 2] && !waits {
             let span = block_span.unwrap_or(run.span);
