@@ -193,7 +193,7 @@ async fn angles_and_vectors_are_thinned_and_lead_the_tool_along_the_path() {
         assert!(thinning.blocks_dropped > 4 * thinning.blocks_kept, "{thinning:?}");
         assert!(thinning.position_deviation_mm > 0.0 && thinning.position_deviation_mm < TOLERANCE_MM);
         assert!(thinning.time_after_s < 0.5 * thinning.time_before_s);
-        let axes: Vec<_> = thinning.rotary_axes.iter().map(|axis| axis.letter.as_str()).collect();
+        let axes: Vec<_> = thinning.rotary_axes.iter().map(|axis| axis.axis.as_str()).collect();
         assert_eq!(axes, ["C", "A"]);
         for axis in &thinning.rotary_axes {
             assert!(5 * axis.reversals_after < axis.reversals_before, "{axis:?}");

@@ -209,7 +209,17 @@ async fn headers_without_data_keep_nobody_out_for_long() {
 
     // An operator sees them, and deletes one.
     let mut programs = ProgramsClient::new(clients.channel.clone());
-    let uploads = programs.list_uploads(ListUploadsRequest {}).await.unwrap().into_inner().uploads;
+    let uploads = programs.list_uploads(ListUploadsRequest::default()).await.unwrap().into_inner().uploads;
+    let mut paged = Vec::new();
+    let mut page_token = String::new();
+    for size in [2, 1] {
+        let request = ListUploadsRequest { page_size: 2, page_token };
+        let page = programs.list_uploads(request).await.unwrap().into_inner();
+        assert_eq!(page.uploads.len(), size);
+        paged.extend(page.uploads);
+        page_token = page.next_page_token;
+    }
+    assert_eq!((&paged, page_token.as_str()), (&uploads, ""));
     let shown: Vec<_> = uploads.iter().map(|upload| (upload.client.as_str(), upload.program_bytes)).collect();
     assert_eq!(shown, [("127.0.0.1", 100); 3]);
     clients.programs.delete_program(ProgramsDeleteProgramRequest { name: uploads[0].program.clone() }).await.unwrap();

@@ -76,12 +76,12 @@ fn peaks_are_where_the_setpoints_have_them_first() {
         for (order, peak, place) in peaks {
             let place = place.expect("every axis moves");
             let k = place.setpoint_index as usize;
-            assert!((difference(order, k).abs() / peak - 1.0).abs() < 1e-5, "{} {order} at {k}", axis.name);
+            assert!((difference(order, k).abs() / peak - 1.0).abs() < 1e-5, "{} {order} at {k}", axis.axis);
             assert_eq!((place.time_s, place.line), (k as f64 * h, setpoints.line[k]));
             for k in order..column.len() {
                 let found = difference(order, k).abs();
-                assert!(found <= peak * (1.0 + 1e-6), "{found} at {k} above {peak} of {}", axis.name);
-                assert!(k >= place.setpoint_index as usize || found < peak, "{order} of {} is at {k}", axis.name);
+                assert!(found <= peak * (1.0 + 1e-6), "{found} at {k} above {peak} of {}", axis.axis);
+                assert!(k >= place.setpoint_index as usize || found < peak, "{order} of {} is at {k}", axis.axis);
             }
         }
     }

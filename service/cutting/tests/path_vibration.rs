@@ -285,7 +285,7 @@ fn what_turns_is_told_in_degrees() {
         report.findings.iter().find(|finding| finding.code == "VIB-AXIS-ACCELERATION").expect("too fast a turn");
     assert!(found.message.contains("deg/s² of the C axis"), "{}", found.message);
     assert!(found.values.iter().filter(|value| value.name != "line").all(|value| value.unit == "deg/s²"), "{found:#?}");
-    let turning: Vec<_> = report.sections[0].axes.iter().map(|axis| (axis.name.as_str(), axis.rotary)).collect();
+    let turning: Vec<_> = report.sections[0].axes.iter().map(|axis| (axis.axis.as_str(), axis.rotary)).collect();
     assert_eq!(turning, [("X", false), ("C", true)]);
     let limited = report.findings.iter().find(|finding| finding.code == "FEED-LIMITED").expect("a rotary feed");
     assert!(limited.message.contains("deg/min") && limited.values.iter().all(|value| value.unit == "deg/min"));

@@ -28,7 +28,7 @@ fn value<'a>(finding: &'a Finding, name: &str) -> (f64, &'a str) {
 
 /// Acceleration, its limit and the utilisation of an axis.
 fn row(section: &SectionReport, name: &str) -> (f64, f64, f64) {
-    let axis = section.axes.iter().find(|axis| axis.name == name).expect("the axis moves");
+    let axis = section.axes.iter().find(|axis| axis.axis == name).expect("the axis moves");
     (axis.acceleration_per_s2, axis.max_acceleration_per_s2, axis.utilisation)
 }
 
@@ -120,7 +120,7 @@ fn steps_beyond_a_rotary_axis_are_in_degrees() {
     let finding = the_finding(&report, "VIB-PUBLISHED-ENDS");
     let ends = report.sections[0].published_ends.as_ref().unwrap();
     let exceeded = ends.exceeded.as_ref().unwrap();
-    assert_eq!((exceeded.name.as_str(), exceeded.rotary), ("C", true));
+    assert_eq!((exceeded.axis.as_str(), exceeded.rotary), ("C", true));
     assert_eq!(value(finding, "demanded"), (exceeded.acceleration_per_s2, "deg/s²"));
     assert_eq!(value(finding, "limit").1, "deg/s²");
     assert!(finding.message.contains("deg/s² of the C axis"), "{}", finding.message);

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 ///
 /// # Errors
 /// [`Error::Damaged`] when the text is not the JSON of such a message.
-pub(crate) fn from_stored<M: Name + Default>(text: &str) -> Result<M> {
+pub(crate) fn from_stored<M: Name + Default + 'static>(text: &str) -> Result<M> {
     former::document(text)
         .map_err(|error| Error::Damaged(format!("a stored {} cannot be read: {error}", M::full_name())))
 }

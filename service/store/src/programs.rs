@@ -158,6 +158,8 @@ pub type UploadId = Uuid;
 /// An unfinished upload.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UploadInfo {
+    /// Its place in the order in which uploads began.
+    pub number: i64,
     /// Identifier of the upload.
     pub id: UploadId,
     /// The SHA-256 its bytes must have.

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use feedwave_contract::proto::{CheckedRecords, StoreCheck, StoreProblem};
 use feedwave_server::config::{Overrides, StoreUri};
 use feedwave_store::{CheckReport, CopyError, CopyReport, StoreError};
 
-use super::terminal::print;
+use super::terminal::{print, print_json};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED};
 use crate::args::GlobalArgs;
@@ -137,7 +138,7 @@ pub async fn check(args: CheckArgs, global: &GlobalArgs) -> Result<ExitCode, Cli
     let uri = args.store.uri(global)?;
     let report = feedwave_store::check(&uri).await.map_err(|error| failed(&uri, &error))?;
     match args.format {
-        Format::Json => print(&json(&report))?,
+        Format::Json => print_json(&check_message(&report))?,
         _ => print(&text(&uri, &report))?,
     }
     Ok(if report.is_intact() { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
@@ -198,23 +199,18 @@ fn text(uri: &StoreUri, report: &CheckReport) -> String {
     text + &format!("{uri}: {verdict}; checked: {}\n", checked.join(", "))
 }
 
-fn json(report: &CheckReport) -> String {
-    let problems: Vec<_> = report
-        .problems
-        .iter()
-        .map(|problem| {
-            serde_json::json!({
-                "kind": problem.kind, "id": problem.id, "reason": problem.reason, "lost": problem.lost,
-            })
-        })
-        .collect();
-    let checked: serde_json::Map<String, serde_json::Value> =
-        report.checked.iter().map(|(kind, count)| ((*kind).to_owned(), (*count).into())).collect();
-    let report = serde_json::json!({
-        "intact": report.is_intact(),
-        "checked": checked,
-        "problems": problems,
-        "furtherProblems": report.further_problems,
+fn check_message(report: &CheckReport) -> StoreCheck {
+    let checked = report.checked.iter().map(|(kind, count)| CheckedRecords { kind: (*kind).to_owned(), count: *count });
+    let problems = report.problems.iter().map(|problem| StoreProblem {
+        kind: problem.kind.to_owned(),
+        id: problem.id.clone(),
+        reason: problem.reason.clone(),
+        lost: problem.lost.to_owned(),
     });
-    format!("{report:#}\n")
+    StoreCheck {
+        intact: report.is_intact(),
+        checked: checked.collect(),
+        problems: problems.collect(),
+        problems_not_listed: report.further_problems,
+    }
 }

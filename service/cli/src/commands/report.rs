@@ -194,7 +194,7 @@ fn axis_rows(rows: &mut Rows, axes: &[AxisSummary]) {
         let mut table = vec![head.map(str::to_owned).to_vec()];
         table.extend(axes.iter().filter(|axis| axis.rotary == is_rotary).map(|axis| {
             vec![
-                axis.name.clone(),
+                axis.axis.clone(),
                 number(axis.min, 7),
                 number(axis.max, 7),
                 number(axis.peak_velocity_per_s * 60.0, 5),
@@ -215,7 +215,7 @@ fn axis_rows(rows: &mut Rows, axes: &[AxisSummary]) {
         };
         let places: Vec<_> = names.into_iter().zip(places).filter_map(place).collect();
         if !places.is_empty() {
-            rows.row(&format!("peaks of {}", axis.name), places.join(", "));
+            rows.row(&format!("peaks of {}", axis.axis), places.join(", "));
         }
     }
 }

@@ -117,9 +117,11 @@ const fn limit_times(times: &LimitTimes) -> proto::LimitTimes {
     proto::LimitTimes { feed_s, axis_velocity_s, curvature_s, corners_s, acceleration_s, jerk_s, rest_s }
 }
 
+#[expect(deprecated, reason = "a former name of a field, which its readers were promised")]
 fn axis_summary(axis: &AxisSummary) -> proto::AxisSummary {
     proto::AxisSummary {
-        name: axis.name.clone(),
+        name: axis.axis.clone(),
+        axis: axis.axis.clone(),
         rotary: axis.rotary,
         min: axis.min,
         max: axis.max,

@@ -224,8 +224,8 @@ pub enum SlowdownCure {
 /// One machine axis over the whole program, from the setpoints themselves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AxisSummary {
-    /// Column name.
-    pub name: String,
+    /// Name of the axis column.
+    pub axis: String,
     /// Whether its figures are in degrees rather than millimetres.
     pub rotary: bool,
     /// Smallest machine position, mm or degrees.

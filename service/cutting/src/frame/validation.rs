@@ -239,7 +239,7 @@ impl AxisTrace {
     fn finish(self) -> AxisSummary {
         let [velocity, acceleration, jerk] = self.peaks;
         AxisSummary {
-            name: self.name,
+            axis: self.name,
             rotary: self.rotary,
             min: self.min,
             max: self.max,

@@ -14,7 +14,9 @@ use feedwave_contract::proto::{
     ProgramsDeleteProgramResponse, ReadProgramRequest, ReadProgramResponse, Upload, UploadChunk, UploadHeader,
     UploadProgramRequest, UploadProgramResponse, interpret_request,
 };
-use feedwave_store::{CHUNK_BYTES, Kind, ProgramEntry, ProgramId, StoreError, UploadInfo, UploadStart};
+use feedwave_store::{
+    CHUNK_BYTES, Kind, MAX_PAGE_SIZE, Page, ProgramEntry, ProgramId, Scope, StoreError, UploadInfo, UploadStart,
+};
 use futures_util::{Stream, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 
@@ -414,7 +416,17 @@ impl Api {
     ///
     /// # Errors
     /// As the contract says.
-    pub async fn list_uploads(&self, _request: ListUploadsRequest) -> Result<ListUploadsResponse> {
+    pub async fn list_uploads(&self, request: ListUploadsRequest) -> Result<ListUploadsResponse> {
+        let mut violations = Violations::default();
+        let mut page = page_request(&mut violations, request.page_size, request.page_token);
+        violations.finish()?;
+        // Clients from before there were pages ask for all.
+        page.size = if page.size == 0 { MAX_PAGE_SIZE } else { page.size };
+        let scope = Scope::of([b"uploads".as_slice()]);
+        let after = scope.after_sequence(&page.token)?.unwrap_or(i64::MIN);
+        let mut uploads = self.store.uploads().await?;
+        uploads.retain(|upload| upload.number > after);
+        let page = Page::cut(uploads, page.bounded_size(), |last| scope.sequence_token(last.number));
         let upload = |upload: UploadInfo| Upload {
             program: names::program(upload.expected),
             program_bytes: upload.size_bytes,
@@ -423,7 +435,10 @@ impl Api {
             create_time: Some(timestamp(upload.created_us)),
             update_time: Some(timestamp(upload.updated_us)),
         };
-        Ok(ListUploadsResponse { uploads: self.store.uploads().await?.into_iter().map(upload).collect() })
+        Ok(ListUploadsResponse {
+            uploads: page.items.into_iter().map(upload).collect(),
+            next_page_token: page.next_token.unwrap_or_default(),
+        })
     }
 
     async fn unfinished(&self, id: ProgramId) -> Result<Option<UploadInfo>> {

@@ -64,7 +64,7 @@ impl Api {
         let summary = plan_summary(&detail)?;
         let axes = engine::job_config(&detail)?.profile.machine.axes;
         let limit_use = |axis: &feedwave_motion::MachineAxis| {
-            let reached = summary.axes.iter().find(|reached| reached.name == axis.name)?;
+            let reached = summary.axes.iter().find(|reached| reached.axis == axis.name)?;
             Some(AxisLimitUse {
                 axis: axis.name.clone(),
                 velocity_share: reached.peak_velocity_per_s / axis.max_velocity_per_s,

@@ -1,6 +1,7 @@
 //! What an earlier version of the contract named otherwise, or gave in another unit: its documents and decisions stay in the
 //! store as they were written, and are read with the names and units of today.
 
+use std::any::Any;
 use std::f64::consts::PI;
 
 use bytes::Bytes;
@@ -59,14 +60,51 @@ const FORMER: [Former; 21] = [
 ///
 /// # Errors
 /// Where and why the text is not the JSON of such a message.
-pub(super) fn document<M: Name + Default>(text: &str) -> Result<M, serde_json::Error> {
+pub(super) fn document<M: Name + Default + 'static>(text: &str) -> Result<M, serde_json::Error> {
     // Most documents are of this version, and have no need to be taken apart.
-    if !FORMER.iter().any(|former| text.contains(former.was)) {
-        return json::from_str(text);
+    let mut message = if FORMER.iter().any(|former| text.contains(former.was)) {
+        let mut value: Value = serde_json::from_str(text)?;
+        rename(&json::descriptor::<M>(), &mut value);
+        json::from_str(&value.to_string())?
+    } else {
+        json::from_str(text)?
+    };
+    let any: &mut dyn Any = &mut message;
+    if let Some(report) = any.downcast_mut::<proto::ValidationReport>() {
+        complete_report(report);
+    } else if let Some(summary) = any.downcast_mut::<proto::ProgramSummary>() {
+        complete_summary(summary);
     }
-    let mut value: Value = serde_json::from_str(text)?;
-    rename(&json::descriptor::<M>(), &mut value);
-    json::from_str(&value.to_string())
+    Ok(message)
+}
+
+/// Fills fields that repeat a deprecated one where a document of before has only that.
+#[expect(deprecated, reason = "what documents of before have")]
+fn complete_report(report: &mut proto::ValidationReport) {
+    report.summary.iter_mut().for_each(complete_summary);
+    for section in &mut report.sections {
+        section.axes.iter_mut().for_each(|axis| complete(&mut axis.axis, &axis.name));
+        let exceeded = section.published_ends.as_mut().and_then(|ends| ends.exceeded.as_mut());
+        exceeded.into_iter().for_each(|axis| complete(&mut axis.axis, &axis.name));
+        if let Some(chip) = &mut section.chip {
+            chip.spindle_speed_margin = chip.spindle_speed_margin.or(chip.speed_tolerance);
+        }
+    }
+    if let Some(thinning) = &mut report.thinning {
+        let compared = thinning.methods.iter_mut().flat_map(|method| &mut method.rotary_axes);
+        thinning.rotary_axes.iter_mut().chain(compared).for_each(|axis| complete(&mut axis.axis, &axis.letter));
+    }
+}
+
+#[expect(deprecated, reason = "what documents of before have")]
+fn complete_summary(summary: &mut proto::ProgramSummary) {
+    summary.axes.iter_mut().for_each(|axis| complete(&mut axis.axis, &axis.name));
+}
+
+fn complete(field: &mut String, former: &str) {
+    if field.is_empty() {
+        former.clone_into(field);
+    }
 }
 
 /// Gives the fields of a message, and of those inside it, the names of today.
@@ -209,6 +247,19 @@ mod tests {
         assert_eq!(report.threads[0].report.as_ref().unwrap().least_amplitude_ratio, Some(1.25));
         assert_eq!(report.sections[0].chip.as_ref().unwrap().feed_mm_per_rev, 0.1);
         assert_eq!(report.sections[0].chip_spans[0].feed_mm_per_rev, 0.2);
+
+        let report: proto::ValidationReport = document(
+            r#"{"summary": {"axes": [{"name": "X1"}]}, "sections": [{"axes": [{"name": "Z"}],
+                "publishedEnds": {"exceeded": {"name": "Z"}}, "chip": {"speedTolerance": {"minusRevPerMin": 7}}}],
+                "thinning": {"rotaryAxes": [{"letter": "A"}], "methods": [{"rotaryAxes": [{"letter": "C"}]}]}}"#,
+        )
+        .unwrap();
+        let (section, thinning) = (&report.sections[0], report.thinning.unwrap());
+        let exceeded = section.published_ends.as_ref().unwrap().exceeded.as_ref().unwrap();
+        let axes = [&report.summary.unwrap().axes[0].axis, &section.axes[0].axis, &exceeded.axis];
+        assert_eq!(axes, ["X1", "Z", "Z"]);
+        assert_eq!((&*thinning.rotary_axes[0].axis, &*thinning.methods[0].rotary_axes[0].axis), ("A", "C"));
+        assert_eq!(section.chip.as_ref().unwrap().spindle_speed_margin.unwrap().minus_rev_per_min, 7.0);
 
         // A name that is of today in one message and was one of another.
         let tool: proto::Tool =

@@ -60,7 +60,7 @@ async fn a_five_axis_job_is_thinned_and_streamed() {
     let axes: Vec<_> = thinning
         .rotary_axes
         .iter()
-        .map(|axis| (axis.letter.as_str(), axis.reversals_before, axis.reversals_after))
+        .map(|axis| (axis.axis.as_str(), axis.reversals_before, axis.reversals_after))
         .collect();
     assert_eq!(axes, [("C", 0, 0), ("A", 5, 1)]);
     let runs: Vec<_> = thinning.dropped.iter().map(|run| (run.first_line, run.last_line, run.kept_line)).collect();

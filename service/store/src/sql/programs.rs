@@ -96,6 +96,7 @@ pub(crate) const APPENDED_BYTES: usize = 4 << 20;
 
 pub(crate) fn upload_info(row: &impl Record) -> Result<UploadInfo> {
     Ok(UploadInfo {
+        number: row.integer("content_id")?,
         id: parsed(row, "id")?,
         expected: parsed::<ProgramKey>(row, "expected_id")?.0,
         client: row.text("client")?.to_owned(),

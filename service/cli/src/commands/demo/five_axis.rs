@@ -58,10 +58,8 @@ async fn thinned(stage: &mut Stage, client: &mut Client, profile: &MachineProfil
         &format!("M33 drops {} of {} blocks", count(blocks_dropped), count(blocks_read)),
     )?;
     let axes = &thinning.rotary_axes;
-    let reversals: Vec<_> = axes
-        .iter()
-        .map(|axis| format!("{} {} → {}", axis.letter, axis.reversals_before, axis.reversals_after))
-        .collect();
+    let reversals: Vec<_> =
+        axes.iter().map(|axis| format!("{} {} → {}", axis.axis, axis.reversals_before, axis.reversals_after)).collect();
     stage.check(
         axes.len() == 2 && axes.iter().all(|axis| axis.reversals_after * 10 < axis.reversals_before),
         &format!("and with them the flicker, in reversals: {}", reversals.join(", ")),

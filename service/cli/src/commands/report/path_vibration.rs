@@ -90,10 +90,10 @@ fn envelope_rows(rows: &mut Rows, section: &SectionReport) {
         ),
     );
     if let Some(axis) = &ends.exceeded {
-        let rotary = section.axes.iter().any(|load| load.rotary && load.name == axis.name);
+        let rotary = section.axes.iter().any(|load| load.rotary && load.axis == axis.axis);
         let (per, unit) = if rotary { (1.0, "°/s²") } else { (1e3, "m/s²") };
         let limit = number(axis.max_acceleration_per_s2 / per, 4);
-        rows.row("", rows.style.bad(&format!("the {} axis follows {limit} {unit}", axis.name)));
+        rows.row("", rows.style.bad(&format!("the {} axis follows {limit} {unit}", axis.axis)));
     }
 }
 
@@ -159,16 +159,16 @@ fn chip_rows(rows: &mut Rows, chip: &ChipReport, feed_override: f64) {
         "",
         format!("largest thickness {} mm{}", number(chip.largest_thickness_mm, 4), needed.unwrap_or_default()),
     );
-    match &chip.speed_tolerance {
-        Some(tolerance) => tolerance_row(rows, tolerance),
+    match &chip.spindle_speed_margin {
+        Some(margin) => margin_row(rows, margin),
         None => cure_rows(rows, chip),
     }
 }
 
 /// How far the speed may stray.
-fn tolerance_row(rows: &mut Rows, tolerance: &SpeedTolerance) {
-    let plus = tolerance.plus_rev_per_min.map_or("any amount".to_owned(), |plus| number(plus, 3));
-    let minus = number(tolerance.minus_rev_per_min, 3);
+fn margin_row(rows: &mut Rows, margin: &SpeedTolerance) {
+    let plus = margin.plus_rev_per_min.map_or("any amount".to_owned(), |plus| number(plus, 3));
+    let minus = number(margin.minus_rev_per_min, 3);
     rows.row("", format!("stays broken while the speed strays by −{minus} to +{plus} rev/min"));
 }
 
@@ -352,7 +352,7 @@ fn axis_table(rows: &mut Rows, axes: &[AxisLoadReport]) {
         let mut table = vec![head.map(str::to_owned).to_vec()];
         table.extend(axes.iter().filter(|axis| axis.rotary == is_rotary).map(|axis| {
             vec![
-                axis.name.clone(),
+                axis.axis.clone(),
                 number(axis.velocity_per_s * 60.0, 4),
                 number(axis.max_velocity_per_s * 60.0, 5),
                 number(axis.acceleration_per_s2 / per, 3),

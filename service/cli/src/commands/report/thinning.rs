@@ -31,7 +31,7 @@ fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
     );
     for axis in &thinning.rotary_axes {
         let (before, after) = (count(axis.reversals_before), count(axis.reversals_after));
-        rows.row("reversals", format!("{}: {before} before, {after} after", axis.letter));
+        rows.row("reversals", format!("{}: {before} before, {after} after", axis.axis));
     }
     if thinning.time_before_s > 0.0 {
         let share = 1.0 - thinning.time_after_s / thinning.time_before_s;
@@ -87,7 +87,7 @@ fn deviation_rows(rows: &mut Rows, thinning: &ThinningReport) {
 /// Both methods side by side.
 fn method_table(rows: &mut Rows, thinning: &ThinningReport) {
     let mut head = vec!["method".to_owned(), "kept".to_owned()];
-    head.extend(thinning.rotary_axes.iter().map(|axis| format!("reversals of {}", axis.letter)));
+    head.extend(thinning.rotary_axes.iter().map(|axis| format!("reversals of {}", axis.axis)));
     head.extend(["time, s", "position, mm", "direction, deg", "anywhere, deg"].map(str::to_owned));
     let mut table = vec![head];
     let mut programmed = vec!["as programmed".to_owned(), count(thinning.blocks_read)];

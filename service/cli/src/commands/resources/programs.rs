@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use feedwave_contract::proto::{
-    GetProgramRequest, ListProgramsRequest, ListProgramsResponse, ListUploadsRequest, Program,
+    GetProgramRequest, ListProgramsRequest, ListProgramsResponse, ListUploadsRequest, ListUploadsResponse, Program,
     ProgramsDeleteProgramRequest, ReadProgramRequest, Upload,
 };
 use tonic::Status;
@@ -168,8 +168,17 @@ impl Collection for Programs {
 /// Shows unfinished uploads.
 async fn uploads(args: &UploadsArgs) -> Result<ExitCode, CliError> {
     let client = args.server.connect().await?;
-    let answer = client.programs().list_uploads(ListUploadsRequest {}).await;
-    let answer = answer.map_err(|status| refused(&client, &status))?.into_inner();
+    let mut answer = ListUploadsResponse::default();
+    loop {
+        let request = ListUploadsRequest { page_size: PAGE, page_token: answer.next_page_token };
+        let page =
+            client.programs().list_uploads(request).await.map_err(|status| refused(&client, &status))?.into_inner();
+        answer.uploads.extend(page.uploads);
+        answer.next_page_token = page.next_page_token;
+        if answer.next_page_token.is_empty() {
+            break;
+        }
+    }
     if args.format == Format::Json {
         print_json(&answer)?;
         return Ok(ExitCode::SUCCESS);

@@ -57,10 +57,12 @@ fn settings_to_proto(settings: &ThinningSettings) -> proto::ThinningSettings {
 }
 
 /// Reversals of the rotary axes before and after.
+#[expect(deprecated, reason = "a former name of a field, which its readers were promised")]
 fn axes_to_proto(letters: &[char], rotary: &RotaryReport) -> Vec<proto::ThinnedRotaryAxis> {
     let counts = rotary.reversals_before.into_iter().zip(rotary.reversals_after);
     let axes = letters.iter().zip(counts).map(|(letter, (reversals_before, reversals_after))| {
-        proto::ThinnedRotaryAxis { letter: letter.to_string(), reversals_before, reversals_after }
+        let axis = letter.to_string();
+        proto::ThinnedRotaryAxis { letter: axis.clone(), axis, reversals_before, reversals_after }
     });
     axes.collect()
 }

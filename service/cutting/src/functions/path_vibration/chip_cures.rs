@@ -1,6 +1,6 @@
 //! What cures a chip that does not break. A change is judged as the words would be written, by the verdict that the program
 //! changed so would be given: chips at every permitted feed override, the axes, the ranges of the machine. What something
-//! stands against is not offered; the finding says what.
+//! rules out is not offered; the finding says what.
 
 use feedwave_program::{Finding, SourceSpan};
 
@@ -17,7 +17,7 @@ pub(super) struct Change {
     vibrations_per_rev: f64,
     /// Smallest amplitude that breaks the chip with it, mm; `None` where none is known.
     least_mm: Option<f64>,
-    /// Whether that has to be written too, or what stands against it.
+    /// Whether that has to be written too, or what rules it out.
     verdict: Result<Beside, Objection>,
 }
 
@@ -29,7 +29,7 @@ enum Beside {
     Amplitude(f64),
 }
 
-/// Changes that cure an unbroken chip, or would but for what stands against them.
+/// Changes that cure an unbroken chip, or would but for what rules them out.
 pub(super) struct ChipCures {
     /// Smallest amplitude that breaks it as programmed otherwise, mm.
     amplitude: Option<(f64, Option<Objection>)>,
@@ -47,7 +47,7 @@ enum Place {
 }
 
 impl ChipCures {
-    /// What stands against the first of each kind of change, as the end of a message.
+    /// What rules out the first of each kind of change, as the end of a message.
     pub(super) fn objections(&self) -> String {
         let amplitude = self.amplitude.as_ref().and_then(|(least_mm, objection)| {
             let objection = objection.as_ref()?;
@@ -70,7 +70,7 @@ impl Evidence {
         move |amplitude_mm| amplitude_of_word(amplitude_mm, inch)
     }
 
-    /// The smallest amplitude that breaks the chip everywhere with everything else as programmed, and what stands against it;
+    /// The smallest amplitude that breaks the chip everywhere with everything else as programmed, and what rules it out;
     /// `None` where there is none.
     pub(super) fn amplitude_tried(&self) -> Option<(f64, Option<Objection>)> {
         let programmed = self.trial.with_amplitude(self.condition().amplitude_mm);
@@ -155,7 +155,7 @@ impl Evidence {
         }
     }
 
-    /// The changes that nothing stands against, those of the words at the finding's place first.
+    /// The changes that nothing rules out, those of the words at the finding's place first.
     pub(super) fn suggest_chip_cures(&self, mut finding: Finding, cures: &ChipCures) -> Finding {
         let amplitude = cures.amplitude.as_ref().filter(|(_, objection)| objection.is_none()).map(|(mm, _)| *mm);
         if let Some(least_mm) = amplitude.filter(|_| cures.place == Place::Amplitude) {
@@ -222,7 +222,7 @@ impl Evidence {
             if let Ok(Beside::Amplitude(mm)) = change.verdict {
                 condition.amplitude_mm = self.in_word()(mm);
             }
-            let tolerance = self.trial.cuts.speed_tolerance(condition, &self.settings);
+            let tolerance = self.trial.cuts.spindle_speed_margin(condition, &self.settings);
             if tolerance.is_some_and(|tolerance| tolerance >= share) {
                 finding = self.suggest_frequency(finding, &change, Place::Frequency);
             }

@@ -136,7 +136,7 @@ impl Evidence {
 
     /// The chip breaks, but a little more or less spindle speed ends that.
     fn marginal(&self, chip: &ChipReport, line: u32, findings: &mut Vec<Finding>) {
-        let Some(tolerance) = chip.speed_tolerance else { return };
+        let Some(tolerance) = chip.spindle_speed_margin else { return };
         let spindle_rev_per_min = chip.condition.spindle_rev_per_min;
         let closest_rev_per_min = tolerance.closest_rev_per_min();
         if closest_rev_per_min >= SPEED_MARGIN * spindle_rev_per_min {
@@ -152,7 +152,7 @@ impl Evidence {
             .at("line", line.into())
             .ranked("", -closest_rev_per_min / spindle_rev_per_min)
             .with_value("spindle_speed", spindle_rev_per_min, "rev/min")
-            .with_value("speed_tolerance", closest_rev_per_min, "rev/min")
+            .with_value("spindle_speed_margin", closest_rev_per_min, "rev/min")
             .with_value("vibrations_per_rev", chip.vibrations_per_rev, "");
         findings.push(self.suggest_steady_frequencies(finding, chip, SPEED_MARGIN));
     }

@@ -120,7 +120,7 @@ feedwave_program::finding_codes! {
               accelerate: an error where the profile lets limits bind",
         cause: "The whole sine starts and ends at once, and is clamped at the ends of the section.",
         cure: "Blend the vibration in and out. `vibration.published_limits_bind` says whether this is an error; the report says \
-              that the axes cannot follow either way.",
+              that the axes cannot follow in both cases.",
         example: on("lathe, vibration.envelope = VIBRATION_ENVELOPE_PUBLISHED", "M3 S1000\nG0 X20 Z5\nG200 F100 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
@@ -136,7 +136,7 @@ feedwave_program::finding_codes! {
         cause: "The number of vibrations per revolution is whole, so that every revolution repeats the one before, or \
               the amplitude is too small for this number and the feed per revolution.",
         cure: "Use the frequency, spindle speed or amplitude that the finding names: each was judged as it is written. Where none is \
-              named, the message says what stands against them; a number of vibrations with one half, such as 1.5 or 2.5, needs the \
+              named, the message says why; a number of vibrations with one half, such as 1.5 or 2.5, needs the \
               smallest amplitude.",
         example: lathe("M3 S1000\nG0 X6 Z10\nG200 F50 A0.03\nG1 X10 Z20 F0.01\nG201\nM30"),
     }

@@ -146,11 +146,11 @@ impl Evidence {
                         "{of} {} {} of the {} axis' {quantity}, whose limit is {} (line {})",
                         decimal(demanded, 1),
                         load.unit(),
-                        axis.name,
+                        axis.axis,
                         decimal(limit, 1),
                         axis.line
                     );
-                    findings.push(self.axis_finding(&load, &axis.name, axis.line, message));
+                    findings.push(self.axis_finding(&load, &axis.axis, axis.line, message));
                 }
             }
         }
@@ -312,7 +312,7 @@ impl Evidence {
             decimal(ends.start_velocity_step_mm_per_s, 2),
             decimal(ends.clamp_velocity_step_mm_per_s, 2),
             decimal(axis.acceleration_per_s2, 0),
-            axis.name,
+            axis.axis,
             decimal(axis.max_acceleration_per_s2, 0)
         );
         findings.push(

@@ -95,7 +95,7 @@ impl AxisLoad {
 
     fn report(&self, axis: &MachineAxis, demanded: [f64; 3], limits: [f64; 3]) -> AxisLoadReport {
         AxisLoadReport {
-            name: axis.name.clone(),
+            axis: axis.name.clone(),
             rotary: axis.axis.is_rotary(),
             worst_direction: self.worst_direction,
             line: self.line,
@@ -264,7 +264,7 @@ impl AxisLoads {
             let step_mm_per_s = demand.peaks(0.0).velocity + largest_ratio * self.top_feed_mm_per_s;
             let axis = binds.then(|| self.exceeding(step_mm_per_s / period_s)).flatten()?;
             let (demanded, permitted) = (axis.acceleration_per_s2, axis.max_acceleration_per_s2);
-            let (name, rotary) = (axis.name.into(), axis.rotary);
+            let (name, rotary) = (axis.axis.into(), axis.rotary);
             Some(Objection::Axis { name, quantity: Quantity::Acceleration, rotary, demanded, permitted })
         };
         // Of curves that are not kept it is known only that they allow what is programmed.
@@ -395,9 +395,8 @@ impl AxisLoads {
         let worst = self.axes.iter().zip(&self.machine.axes).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
         let (acceleration_per_s2, max_acceleration_per_s2) =
             (worst.0.worst_direction * acceleration_mm_per_s2, worst.1.max_acceleration_per_s2);
-        let name = || worst.1.name.clone();
         (acceleration_per_s2 > max_acceleration_per_s2).then(|| ExceededAxis {
-            name: name(),
+            axis: worst.1.name.clone(),
             rotary: worst.1.axis.is_rotary(),
             acceleration_per_s2,
             max_acceleration_per_s2,

@@ -119,8 +119,8 @@ pub struct PublishedEnds {
 /// An axis that cannot follow.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExceededAxis {
-    /// Name of the axis.
-    pub name: String,
+    /// Name of the axis column.
+    pub axis: String,
     /// Whether it turns: its values are degrees.
     pub rotary: bool,
     /// What is asked of it, per s².
@@ -143,8 +143,8 @@ pub struct SamplingReport {
 /// Load that a section puts on one machine axis: mm, or degrees for a rotary axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisLoadReport {
-    /// Name of the axis.
-    pub name: String,
+    /// Name of the axis column.
+    pub axis: String,
     /// Whether it turns: its values are degrees.
     pub rotary: bool,
     /// Largest |derivative| of the axis by path length, 0 to 1 for a linear axis.

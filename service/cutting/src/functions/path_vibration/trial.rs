@@ -1,5 +1,5 @@
 //! What would become of a section with another vibration, or at another spindle speed: the verdict that a program changed so
-//! would be given. A change is suggested only where nothing stands against it.
+//! would be given. A change is suggested only where nothing rules it out.
 //!
 //! Invariant: memory does not grow with the section. What is kept of it decides as the section itself does, or harder; where
 //! too much of it is different, a change is not suggested.
@@ -35,7 +35,7 @@ pub(super) struct Tried {
     pub(super) spindle_rev_per_min: Option<f64>,
 }
 
-/// What stands against a change.
+/// What rules a change out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Objection {
     /// Beyond the machine's limit of a frequency, an amplitude or a spindle speed.
@@ -154,7 +154,7 @@ impl Trial {
         self.axes.objection(self.condition, &self.settings, [ratio; 2], self.period_s)
     }
 
-    /// What stands against a change that is to break the chip everywhere, at every permitted feed override.
+    /// What rules a change out that is to break the chip everywhere, at every permitted feed override.
     pub(super) fn objection(&self, tried: Tried) -> Option<Objection> {
         self.refusal(tried).or_else(|| self.cuts.objection(tried, &self.settings))
     }
@@ -191,7 +191,7 @@ impl Trial {
         self.cuts.worst(programmed, &self.settings).map(|worst| worst.margin)
     }
 
-    /// What stands against an amplitude that follows the feed override up to this ratio.
+    /// What rules an amplitude out that follows the feed override up to this ratio.
     pub(super) fn objection_to_following(&self, up_to: f64) -> Option<Objection> {
         let settings = VibrationSettings { amplitude_follows_feed_up_to: Some(up_to), ..self.settings };
         let following = Self { settings, ..self.clone() };
@@ -309,7 +309,11 @@ impl TrialCuts {
     }
 
     /// Smallest share of its spindle speed within which every cut would stay broken; `None` where it is not known.
-    pub(super) fn speed_tolerance(&self, condition: VibrationCondition, settings: &VibrationSettings) -> Option<f64> {
+    pub(super) fn spindle_speed_margin(
+        &self,
+        condition: VibrationCondition,
+        settings: &VibrationSettings,
+    ) -> Option<f64> {
         if self.is_incomplete || !self.surface.is_empty() {
             return None;
         }
@@ -327,7 +331,8 @@ impl TrialCuts {
                 diameter_mm: 0.0,
                 feed_coupling,
             };
-            cut.speed_tolerance().map_or(0.0, |tolerance| tolerance.closest_rev_per_min() / cut.spindle_rev_per_min)
+            cut.spindle_speed_margin()
+                .map_or(0.0, |tolerance| tolerance.closest_rev_per_min() / cut.spindle_rev_per_min)
         });
         tolerances.reduce(f64::min)
     }

@@ -64,6 +64,7 @@ const fn override_report(report: &OverrideReport) -> proto::OverrideReport {
     }
 }
 
+#[expect(deprecated, reason = "a former name of a field, which its readers were promised")]
 fn published_ends(ends: &PublishedEnds) -> proto::PublishedEnds {
     proto::PublishedEnds {
         start_velocity_step_mm_per_s: ends.start_velocity_step_mm_per_s,
@@ -71,16 +72,19 @@ fn published_ends(ends: &PublishedEnds) -> proto::PublishedEnds {
         clamp_velocity_step_mm_per_s: ends.clamp_velocity_step_mm_per_s,
         clamp_acceleration_mm_per_s2: ends.clamp_acceleration_mm_per_s2,
         exceeded: ends.exceeded.as_ref().map(|axis| proto::ExceededAxis {
-            name: axis.name.clone(),
+            name: axis.axis.clone(),
+            axis: axis.axis.clone(),
             acceleration_per_s2: axis.acceleration_per_s2,
             max_acceleration_per_s2: axis.max_acceleration_per_s2,
         }),
     }
 }
 
+#[expect(deprecated, reason = "a former name of a field, which its readers were promised")]
 fn axis_load(axis: &AxisLoadReport) -> proto::AxisLoadReport {
     proto::AxisLoadReport {
-        name: axis.name.clone(),
+        name: axis.axis.clone(),
+        axis: axis.axis.clone(),
         worst_direction: axis.worst_direction,
         line: axis.line,
         velocity_per_s: axis.velocity_per_s,
@@ -94,7 +98,12 @@ fn axis_load(axis: &AxisLoadReport) -> proto::AxisLoadReport {
     }
 }
 
+#[expect(deprecated, reason = "a former name of a field, which its readers were promised")]
 fn chip(chip: &ChipReport) -> proto::ChipReport {
+    let spindle_speed_margin = chip.spindle_speed_margin.map(|margin| proto::SpeedTolerance {
+        minus_rev_per_min: margin.minus_rev_per_min,
+        plus_rev_per_min: margin.plus_rev_per_min,
+    });
     let feed_coupling = match chip.condition.feed_coupling {
         FeedCoupling::PerRevolution => proto::FeedCoupling::PerRevolution,
         FeedCoupling::PerMinute => proto::FeedCoupling::PerMinute,
@@ -118,10 +127,8 @@ fn chip(chip: &ChipReport) -> proto::ChipReport {
         recommended_frequencies_hz: chip.recommended_frequencies_hz.clone(),
         breaking_spindle_rev_per_min: Some(nearest(chip.breaking_spindle_rev_per_min)),
         recommended_spindle_rev_per_min: chip.recommended_spindle_rev_per_min.clone(),
-        speed_tolerance: chip.speed_tolerance.map(|tolerance| proto::SpeedTolerance {
-            minus_rev_per_min: tolerance.minus_rev_per_min,
-            plus_rev_per_min: tolerance.plus_rev_per_min,
-        }),
+        speed_tolerance: spindle_speed_margin,
+        spindle_speed_margin,
         earlier_revolutions: chip.earlier_revolutions,
         exact: chip.exact,
     }

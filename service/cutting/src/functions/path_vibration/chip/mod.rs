@@ -80,7 +80,7 @@ pub struct ChipReport {
     /// Spindle speeds of half-integer D around the present one, rev/min; nearest first.
     pub recommended_spindle_rev_per_min: Vec<f64>,
     /// How far the spindle speed may stray before the chip no longer breaks; `None` when it is unbroken.
-    pub speed_tolerance: Option<SpeedTolerance>,
+    pub spindle_speed_margin: Option<SpindleSpeedMargin>,
     /// Earlier revolutions whose surface can be seen by the tool; more do not change the figures.
     pub earlier_revolutions: u32,
     /// Whether all of them were taken into account. Beyond [`MAX_EARLIER_REVOLUTIONS`] the air share is a lower
@@ -99,14 +99,14 @@ pub struct Nearest {
 
 /// Deviation of the spindle speed within which the chip stays broken.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SpeedTolerance {
+pub struct SpindleSpeedMargin {
     /// Downwards, rev/min.
     pub minus_rev_per_min: f64,
     /// Upwards, rev/min; `None` when no higher speed leaves the chip unbroken.
     pub plus_rev_per_min: Option<f64>,
 }
 
-impl SpeedTolerance {
+impl SpindleSpeedMargin {
     /// The smaller of the two, rev/min.
     pub(crate) fn closest_rev_per_min(&self) -> f64 {
         self.minus_rev_per_min.min(self.plus_rev_per_min.unwrap_or(f64::INFINITY))
@@ -146,10 +146,10 @@ impl CutCondition {
     }
 
     /// How far the spindle speed may stray before the chip no longer breaks; `None` when it is unbroken.
-    pub(crate) fn speed_tolerance(&self) -> Option<SpeedTolerance> {
+    pub(crate) fn spindle_speed_margin(&self) -> Option<SpindleSpeedMargin> {
         let spindle_at = |vibrations: f64| 60.0 * self.frequency_hz / vibrations;
         let by_speed = || BreakingRanges::when_speed_changes(self).around(self.vibrations_per_rev());
-        self.breaks_chip().then(|| speed_tolerance(self, by_speed(), spindle_at))
+        self.breaks_chip().then(|| spindle_speed_margin(self, by_speed(), spindle_at))
     }
 
     /// Whether feed, amplitude, frequency and spindle speed are positive numbers whose ratios are finite.
@@ -224,17 +224,21 @@ pub fn analyse(condition: &CutCondition) -> ChipReport {
             Nearest { below: by_speed.above.map(spindle_at), above: by_speed.below.map(spindle_at) }
         },
         recommended_spindle_rev_per_min: recommended_spindle,
-        speed_tolerance: broken.then(|| speed_tolerance(condition, by_speed, spindle_at)),
+        spindle_speed_margin: broken.then(|| spindle_speed_margin(condition, by_speed, spindle_at)),
         earlier_revolutions: surface.earlier_revolutions(),
         exact: surface.is_complete() && thickness_is_exact,
     }
 }
 
-fn speed_tolerance(condition: &CutCondition, by_speed: Neighbours, spindle_at: impl Fn(f64) -> f64) -> SpeedTolerance {
+fn spindle_speed_margin(
+    condition: &CutCondition,
+    by_speed: Neighbours,
+    spindle_at: impl Fn(f64) -> f64,
+) -> SpindleSpeedMargin {
     // Broken, and yet in no range: at the very edge of one, up to rounding.
     let vibrations_per_rev = condition.vibrations_per_rev();
     let (low, high) = by_speed.containing.unwrap_or((vibrations_per_rev, vibrations_per_rev));
-    SpeedTolerance {
+    SpindleSpeedMargin {
         minus_rev_per_min: (condition.spindle_rev_per_min - spindle_at(high)).max(0.0),
         plus_rev_per_min: (low > 0.0).then(|| (spindle_at(low) - condition.spindle_rev_per_min).max(0.0)),
     }
@@ -272,7 +276,7 @@ fn without_vibration(condition: &CutCondition) -> ChipReport {
         recommended_frequencies_hz: Vec::new(),
         breaking_spindle_rev_per_min: Nearest::default(),
         recommended_spindle_rev_per_min: Vec::new(),
-        speed_tolerance: None,
+        spindle_speed_margin: None,
         earlier_revolutions: 0,
         exact: true,
     }

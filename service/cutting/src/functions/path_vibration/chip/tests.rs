@@ -57,7 +57,7 @@ fn the_example_of_the_source_vibrates_in_phase_and_never_breaks() {
     assert_eq!(report.air_share.to_bits(), 0, "no minus zero in reports");
     assert_eq!(report.largest_thickness_mm, 0.01);
     assert_eq!(report.min_amplitude_mm, None);
-    assert_eq!((report.longest_chip_mm, report.mean_chip_mm, report.speed_tolerance), (None, None, None));
+    assert_eq!((report.longest_chip_mm, report.mean_chip_mm, report.spindle_speed_margin), (None, None, None));
     for step in 0..100 {
         assert_eq!(thickness(&example(50.0), f64::from(step) * 0.1), 0.01, "h = f_r everywhere");
     }
@@ -89,7 +89,7 @@ fn half_integers_cut_the_example_through_with_large_margin() {
         assert!((report.largest_thickness_mm - largest_mm).abs() < 1e-6);
         let chips_mm = report.mean_chip_mm.unwrap() * report.breaks_per_rev;
         assert!((chips_mm - (1.0 - report.air_share) * 20.0 * PI).abs() < 1e-9, "chips and air fill the revolution");
-        let tolerance = report.speed_tolerance.unwrap();
+        let tolerance = report.spindle_speed_margin.unwrap();
         assert!(tolerance.minus_rev_per_min > 100.0 && tolerance.plus_rev_per_min.unwrap() > 100.0);
     }
 }
@@ -171,7 +171,7 @@ fn senseless_conditions_yield_an_unbroken_report() {
 fn feed_per_minute_bounds_the_speeds_on_both_sides() {
     // F = 100 mm/min: at lower speed the feed per revolution grows until the amplitude no longer reaches.
     let condition = CutCondition { feed_coupling: FeedCoupling::PerMinute, ..cut(1.5, 3.0) };
-    let tolerance = analyse(&condition).speed_tolerance.unwrap();
+    let tolerance = analyse(&condition).spindle_speed_margin.unwrap();
     let at = |deviation: f64| {
         let spindle_rev_per_min = condition.spindle_rev_per_min + deviation;
         let feed_per_rev_mm = condition.feed_per_rev_mm * condition.spindle_rev_per_min / spindle_rev_per_min;
@@ -182,7 +182,7 @@ fn feed_per_minute_bounds_the_speeds_on_both_sides() {
     assert!(at(1e-6 - tolerance.minus_rev_per_min) && !at(-tolerance.minus_rev_per_min - 1e-6));
     // In the first arch no higher speed does harm: both sides of the condition fall with D.
     let fast = CutCondition { feed_coupling: FeedCoupling::PerMinute, ..cut(0.3, 3.0) };
-    assert_eq!(analyse(&fast).speed_tolerance.unwrap().plus_rev_per_min, None);
+    assert_eq!(analyse(&fast).spindle_speed_margin.unwrap().plus_rev_per_min, None);
     // Beyond D = 2A/f_r·D no speed breaks the chip; the nearest that does is a higher one.
     let slow = CutCondition { feed_coupling: FeedCoupling::PerMinute, ..cut(40.5, 0.1) };
     let nearest = analyse(&slow).breaking_spindle_rev_per_min;
@@ -256,7 +256,7 @@ proptest! {
             let Some(speed) = value else { continue };
             prop_assert!(at_speed(speed * (1.0 + sign * outward)) && !at_speed(speed * (1.0 - sign * outward)));
         }
-        if let Some(tolerance) = report.speed_tolerance {
+        if let Some(tolerance) = report.spindle_speed_margin {
             let low = condition.spindle_rev_per_min - tolerance.minus_rev_per_min;
             prop_assert!(low <= 0.0 || at_speed(low * (1.0 + 1e-9)) && !at_speed(low * (1.0 - 1e-6)));
             if let Some(plus) = tolerance.plus_rev_per_min {
