@@ -72,6 +72,9 @@ async fn round(
     let Removed { jobs, runs, programs, events, audit } = expired;
     if dry_run {
         tracing::info!(jobs, runs, programs, events, audit, "retention, dry run: this would be removed");
+        if policy.bytes.is_some() {
+            tracing::info!("retention, dry run: what max_bytes would remove besides is not foreseen");
+        }
         return Ok(());
     }
     let removed = store.remove_expired(policy).await?;

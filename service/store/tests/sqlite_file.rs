@@ -70,6 +70,11 @@ async fn a_database_that_is_in_use_is_refused_with_who_uses_it() {
         let own = format!("process {} on host ", std::process::id());
         assert!(matches!(&error, StoreError::InUseBy { holder } if holder.starts_with(&own)), "{error:?}");
     }
+    // Another name of the file itself has another file beside it, and would have another log.
+    let other = folder.path().join("other.db");
+    std::fs::hard_link(&path, &other).unwrap();
+    let error = open(&other).await.err().unwrap();
+    assert!(matches!(&error, StoreError::InUseBy { holder } if holder.contains("hard link")), "{error:?}");
     // What a killed process leaves is the file without its lock.
     first.close().await;
     assert!(folder.path().join("feedwave.db.lock").is_file());
@@ -456,24 +461,25 @@ async fn beyond_its_size_a_database_loses_the_oldest_jobs_and_gives_space_back()
     let (_folder, path) = folder();
     let store = open(&path).await.unwrap();
     let mut jobs = Vec::new();
+    // Noise does not compress.
+    let noise = |mut state: u64, bytes: u64| -> Vec<u8> {
+        let next = |_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 56) as u8
+        };
+        (0..bytes).map(next).collect()
+    };
     for index in 0..8_u8 {
-        // Noise does not compress.
-        let mut state = u64::from(index) + 1;
-        let noise: Vec<u8> = (0..CHUNK_BYTES)
-            .map(|_| {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-                (state >> 56) as u8
-            })
-            .collect();
-        let program = store.put_program(Tenant::DEFAULT, noise.into()).await.unwrap().id;
+        let program = noise(u64::from(index) + 1, CHUNK_BYTES);
+        let program = store.put_program(Tenant::DEFAULT, program.into()).await.unwrap().id;
         let job = store.create_job(new_job(&index.to_string(), program)).await.unwrap().id;
         store.transition(job, &JobState::ALL, JobState::Ready, "", None).await.unwrap();
         jobs.push(job);
     }
     // The first one waits still, and is nobody's to remove.
     store.transition(jobs[0], &JobState::ALL, JobState::PendingValidation, "", None).await.unwrap();
-    let mut database = raw(&path).await;
-    sqlx::query("UPDATE programs SET created_us = created_us - 7200000000").execute(&mut database).await.unwrap();
+    // Programs whose jobs may be yet to come take nobody's place, however many there are.
+    let waiting = store.put_program(Tenant::DEFAULT, noise(100, CHUNK_BYTES).into()).await.unwrap().id;
     let policy = RetentionPolicy { bytes: Some(4 << 20), ..RetentionPolicy::default() };
     assert_eq!(store.expired(&policy).await.unwrap(), Removed::default(), "the size is not foreseen");
     let removed = store.remove_expired(&policy).await.unwrap();
@@ -481,7 +487,7 @@ async fn beyond_its_size_a_database_loses_the_oldest_jobs_and_gives_space_back()
     let kept = store.jobs_in_state(&JobState::ALL, 10).await.unwrap();
     let oldest_gone = usize::try_from(removed.jobs).unwrap() + 1;
     assert_eq!(kept, [&jobs[..1], &jobs[oldest_gone..]].concat());
-    database.close().await.unwrap();
+    store.program_info(waiting).await.unwrap();
     store.close().await;
     assert!(std::fs::metadata(&path).unwrap().len() < 6 << 20, "the file has shrunk");
 }

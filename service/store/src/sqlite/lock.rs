@@ -2,7 +2,9 @@
 //! the other's events arrive, and both would validate the same jobs.
 //!
 //! The right is a lock of the operating system on a file beside the database, which ends with the process however it
-//! ends: what a killed one leaves is the file, not the lock. The file says who holds it, for the error of the next one.
+//! ends: what a killed one leaves is the file, not the lock. The file says who holds it, for the error of the next one. The database
+//! itself is locked as well: by another name of it (a hard link) it has another file beside it, and another log of SQLite, which
+//! would destroy it. SQLite's own locks are of another kind, and know nothing of this one.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
@@ -21,6 +23,8 @@ const MAX_HOLDER_BYTES: u64 = 512;
 #[derive(Debug)]
 pub(super) struct FileLock {
     _file: File,
+    /// The database, once there is one. Nothing is read or written through it.
+    database: Option<File>,
 }
 
 impl FileLock {
@@ -47,7 +51,35 @@ impl FileLock {
         }
         let text = format!("process {} on host {}\n", std::process::id(), host());
         file.set_len(0).and_then(|()| file.write_all(text.as_bytes())).map_err(cannot)?;
-        Ok(Self { _file: file })
+        let mut lock = Self { _file: file, database: None };
+        if path.exists() {
+            lock.hold(path)?;
+        }
+        Ok(lock)
+    }
+
+    /// Locks the database itself, which is there; once is enough.
+    ///
+    /// # Errors
+    /// `InUseBy` another process that has it by another name, `CannotOpen` if it cannot be used.
+    pub(super) fn hold(&mut self, path: &Path) -> Result<()> {
+        if self.database.is_some() {
+            return Ok(());
+        }
+        let cannot =
+            |error| StoreError::CannotOpen { reason: "it cannot be locked", source: Some(std::sync::Arc::new(error)) };
+        let database = OpenOptions::new().read(true).write(true).open(path).map_err(cannot)?;
+        match database.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(StoreError::InUseBy {
+                    holder: "another process by another name of it (a hard link)".to_owned(),
+                });
+            }
+            Err(TryLockError::Error(error)) => return Err(cannot(error)),
+        }
+        self.database = Some(database);
+        Ok(())
     }
 }
 

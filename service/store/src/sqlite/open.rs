@@ -43,7 +43,7 @@ pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
         return Err(cannot("its folder does not exist"));
     }
 
-    let lock = FileLock::take(path, wanted.busy_timeout).await?;
+    let mut lock = FileLock::take(path, wanted.busy_timeout).await?;
     let plain = SqliteConnectOptions::new()
         .filename(path)
         .create_if_missing(true)
@@ -60,6 +60,7 @@ pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
         .pragma("wal_autocheckpoint", AUTOCHECKPOINT_PAGES)
         .pragma("journal_size_limit", JOURNAL_SIZE_LIMIT);
     let mut writer = options.connect().await?;
+    lock.hold(path)?;
     if fresh {
         sqlx::query("PRAGMA application_id = 0x66776462").execute(&mut writer).await?;
     }

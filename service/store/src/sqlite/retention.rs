@@ -84,6 +84,43 @@ impl SqliteStore {
         Ok(removed)
     }
 
+    /// Removes the oldest job that may go, with the programs that no other one uses: whatever their age, theirs has come.
+    async fn remove_oldest_job(&self, removed: &mut Removed) -> Result<bool> {
+        let sql = format!("SELECT j.id {JOBS} ORDER BY j.sequence LIMIT 1");
+        let row =
+            sqlx::query(sqlx::AssertSqlSafe(sql)).bind(i64::MAX).fetch_optional(&mut *self.reader().await?).await?;
+        let Some(row) = row else { return Ok(false) };
+        let id: Uuid = parsed(&row, "id")?;
+        let used =
+            "SELECT program_id AS id FROM jobs WHERE id = ? UNION SELECT program_id FROM job_programs WHERE job_id = ?";
+        let used =
+            sqlx::query(used).bind(id.to_string()).bind(id.to_string()).fetch_all(&mut *self.reader().await?).await?;
+        match crate::Jobs::delete_job(self, id, None).await {
+            Ok(()) => removed.jobs += 1,
+            Err(StoreError::NotFound { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        for row in &used {
+            let ProgramKey(program) = parsed(row, "id")?;
+            match self.delete_program(program).await {
+                Ok(()) => removed.programs += 1,
+                Err(StoreError::NotFound { .. } | StoreError::InUse { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Bytes of programs whose jobs may be yet to come. No job goes to make room for them.
+    async fn bytes_of_new_programs(&self) -> Result<u64> {
+        let sql = "SELECT COALESCE(SUM(LENGTH(chunk.data)), 0) FROM program_chunks AS chunk WHERE chunk.content_id IN (
+            SELECT p.content_id FROM programs AS p WHERE p.created_us >= ? AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
+                AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id))";
+        let since = cutoff(Some(UNUSED)).unwrap_or(i64::MIN);
+        let bytes: i64 = sqlx::query_scalar(sql).bind(since).fetch_one(&mut *self.reader().await?).await?;
+        Ok(bytes.unsigned_abs())
+    }
+
     async fn remove_programs(&self, cutoff: i64) -> Result<u64> {
         let mut removed = 0;
         loop {
@@ -134,16 +171,11 @@ impl SqliteStore {
         if self.bytes_in_use().await? <= bytes {
             return Ok(());
         }
-        let most = bytes.saturating_add(self.bytes_of_logs().await?);
-        while self.bytes_in_use().await? > most {
-            let jobs = self.remove_jobs(i64::MAX, 1).await?;
-            let programs = self.remove_programs(cutoff(Some(UNUSED)).unwrap_or(i64::MAX)).await?;
-            removed.jobs += jobs;
-            removed.programs += programs;
-            if jobs + programs == 0 {
-                break;
-            }
-        }
+        let unused = cutoff(Some(UNUSED)).unwrap_or(i64::MAX);
+        removed.programs += self.remove_programs(unused).await?;
+        let others = self.bytes_of_logs().await? + self.bytes_of_new_programs().await?;
+        let most = bytes.saturating_add(others);
+        while self.bytes_in_use().await? > most && self.remove_oldest_job(removed).await? {}
         Ok(())
     }
 
