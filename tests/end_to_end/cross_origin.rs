@@ -35,7 +35,7 @@ async fn a_configured_origin_reads_answers_and_errors_and_no_other_does() {
         assert_eq!(other.header("access-control-allow-origin"), "", "{path}");
     }
     let asked = preflight(&web, "/v1/machines", ORIGIN, "GET", "if-none-match").await;
-    assert!(asked.status.is_success(), "{asked:?}");
+    assert_eq!(asked.status, StatusCode::NO_CONTENT, "{asked:?}");
     assert_eq!(asked.header("access-control-allow-origin"), ORIGIN);
     assert!(asked.header("access-control-allow-headers").contains("if-none-match"), "{asked:?}");
     assert!(asked.header("access-control-allow-methods").contains("GET"), "{asked:?}");
@@ -48,7 +48,7 @@ async fn grpc_web_has_the_same_origins_and_tells_status_and_message() {
     let web = Web::new(server.grpc);
     let path = "/feedwave.v1.Machines/ListStates";
     let asked = preflight(&web, path, ORIGIN, "POST", "content-type,x-grpc-web,x-user-agent").await;
-    assert!(asked.status.is_success(), "{asked:?}");
+    assert_eq!(asked.status, StatusCode::NO_CONTENT, "{asked:?}");
     assert_eq!(asked.header("access-control-allow-origin"), ORIGIN);
     for header in ["content-type", "x-grpc-web", "x-user-agent", "grpc-timeout"] {
         assert!(asked.header("access-control-allow-headers").contains(header), "{header}: {asked:?}");
@@ -60,6 +60,25 @@ async fn grpc_web_has_the_same_origins_and_tells_status_and_message() {
     for header in ["grpc-status", "grpc-message", "grpc-status-details-bin"] {
         assert!(answer.header("access-control-expose-headers").contains(header), "{header}: {answer:?}");
     }
+}
+
+#[tokio::test]
+async fn the_page_calls_its_few_methods_and_pages_of_other_origins_none_on_its_port() {
+    let server = allowing("['https://mes.example']").await;
+    let web = server.web();
+    let headers = [("content-type", "application/grpc-web+proto"), ("x-grpc-web", "1")];
+    let empty = || Bytes::from_static(&[0; 5]);
+    let own = web.send("POST", "/feedwave.v1.Tools/ListTools", &headers, empty()).await;
+    assert_eq!((own.status, own.header("content-type")), (StatusCode::OK, "application/grpc-web+proto"), "{own:?}");
+    for path in ["/feedwave.v1.Runs/Run", "/feedwave.v1.Jobs/DeleteJob", "/feedwave.v1.Telemetry/Ingest"] {
+        assert_eq!(web.send("POST", path, &headers, empty()).await.status, StatusCode::NOT_FOUND, "{path}");
+    }
+    let asked = preflight(&web, "/feedwave.v1.Tools/ListTools", ORIGIN, "POST", "content-type,x-grpc-web").await;
+    assert!(!asked.header("access-control-allow-methods").contains("POST"), "{asked:?}");
+    let state = web.send("GET", "/v1/state", &[], Bytes::new()).await;
+    let state: serde_json::Value = serde_json::from_slice(&state.body).unwrap();
+    assert_eq!(state["caller"]["roles"], serde_json::json!(["admin"]), "{state}");
+    assert_eq!(state["inlineProgramBytes"], "1048576");
 }
 
 #[tokio::test]

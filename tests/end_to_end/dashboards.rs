@@ -118,6 +118,7 @@ async fn metrics_count_what_happens() {
     assert!(value("feedwave_setpoints_total") >= f64::from(received), "{received}");
     assert_eq!(value("feedwave_build_info"), 1.0);
     for line in metrics.lines().filter(|line| !line.starts_with('#')) {
-        assert!(line.starts_with("feedwave_"), "{line}");
+        assert!(line.starts_with("feedwave_") || line.starts_with("process_"), "{line}");
     }
+    assert!(value("process_resident_memory_bytes") > 0.0);
 }

@@ -1,6 +1,7 @@
 // A service in a directory of its own, and a live run on a simulated machine.
 
 import { execFile, spawn } from "node:child_process";
+import { createHash, randomBytes } from "node:crypto";
 import { existsSync, readFileSync, rmSync, writeFileSync, openSync } from "node:fs";
 import { join } from "node:path";
 import { setTimeout as pause } from "node:timers/promises";
@@ -21,8 +22,17 @@ export const until = async (what, look) => {
 };
 
 export class Service {
-  constructor(folder) {
+  /** With `clients`, lines of TOML by name, it knows these alone, and `tokens` has what each shows. */
+  constructor(folder, clients = {}) {
     this.folder = folder;
+    this.tokens = {};
+    this.clients = Object.entries(clients).map(([name, lines]) => {
+      this.tokens[name] = randomBytes(32).toString("hex");
+      const hash = createHash("sha256").update(this.tokens[name]).digest("hex");
+      return `[[client]]\nname = "${name}"\ntoken_sha256 = "${hash}"\n${lines}\n`;
+    });
+    /** Who asks, where it has to be said. */
+    this.token = Object.values(this.tokens)[0];
     this.ports = { grpc: 0, http: 0, mtconnect: 0 };
     this.children = new Set();
   }
@@ -31,7 +41,10 @@ export class Service {
   async start() {
     const [config, ready] = ["feedwave.toml", "ready.json"].map((name) => join(this.folder, name));
     const { grpc, http, mtconnect } = this.ports;
-    writeFileSync(config, `[grpc]\nlisten = "127.0.0.1:${grpc}"\n[http]\nlisten = "127.0.0.1:${http}"\nheartbeat_s = 1\n[mtconnect]\nlisten = "127.0.0.1:${mtconnect}"\n[store]\nuri = "sqlite://${this.folder}/feedwave.db"\n`);
+    const known = join(this.folder, "clients.toml");
+    if (this.clients.length > 0) writeFileSync(known, this.clients.join("\n"));
+    const auth = this.clients.length > 0 ? `[auth]\nclients = "${known}"\n` : "";
+    writeFileSync(config, `${auth}[grpc]\nlisten = "127.0.0.1:${grpc}"\n[http]\nlisten = "127.0.0.1:${http}"\nheartbeat_s = 1\n[mtconnect]\nlisten = "127.0.0.1:${mtconnect}"\n[store]\nuri = "sqlite://${this.folder}/feedwave.db"\n`);
     rmSync(ready, { force: true });
     const log = openSync(join(this.folder, "log.txt"), "a");
     this.process = spawn(binary, ["serve", "--config", config, "--ready-file", ready], { stdio: ["ignore", "ignore", log] });
@@ -53,7 +66,7 @@ export class Service {
   }
 
   async get(path) {
-    const response = await fetch(this.url + path);
+    const response = await fetch(this.url + path, { headers: this.token ? { authorization: `Bearer ${this.token}` } : {} });
     if (!response.ok) throw new Error(`${path}: ${response.status} ${await response.text()}`);
     return response.json();
   }
@@ -61,8 +74,10 @@ export class Service {
   /** A job from a program; as it is when its validation has ended, whatever came of it. */
   async submit(file, ...options) {
     const url = `http://127.0.0.1:${this.ports.grpc}`;
-    const submitted = await promisify(execFile)(binary, ["submit", file, "--server", url, ...options]);
+    const submitted = await promisify(execFile)(binary, ["submit", file, "--server", url, ...options], { env: { ...process.env, ...(this.token ? { FEEDWAVE_TOKEN: this.token } : {}) } });
     const [name] = submitted.stdout.match(/jobs\/[0-9a-f-]{36}/);
+    // Another tenant's is not to be seen.
+    if (options.includes("--tenant")) return { name };
     return until(`${name} is validated`, async () => {
       const job = await this.get(`/v1/${name}`);
       return ["JOB_STATE_READY", "JOB_STATE_REJECTED"].includes(job.state) ? job : null;

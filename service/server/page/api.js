@@ -8,21 +8,55 @@ const SILENT_HEARTBEATS = 2.5;
 const FIRST_SILENCE_MS = 30000;
 const LEAST_SILENCE_MS = 2500;
 
-let token = null;
-try {
-  token = sessionStorage.getItem("token");
-} catch {
-  // Asked for again with every page.
-}
-
-export const setToken = (value) => {
-  token = value;
+const ofSession = (key) => {
   try {
-    sessionStorage.setItem("token", value);
+    return sessionStorage.getItem(key);
+  } catch {
+    // Asked for again with every page.
+    return null;
+  }
+};
+
+let token = ofSession("token");
+/** The tenant that a client of all tenants looks at; empty: the default one. */
+let tenant = ofSession("tenant") ?? "";
+
+const keepForSession = (key, value) => {
+  try {
+    sessionStorage.setItem(key, value);
   } catch {
     // As above.
   }
 };
+
+export const setToken = (value) => {
+  token = value;
+  keepForSession("token", value);
+};
+
+export const setTenant = (value) => {
+  tenant = value;
+  keepForSession("tenant", value);
+};
+
+export const chosenTenant = () => tenant;
+
+export const hasToken = () => token !== null;
+
+/** Forgets who asks. */
+export const forget = () => {
+  try {
+    ["token", "tenant"].forEach((key) => sessionStorage.removeItem(key));
+  } catch {
+    // Nothing is kept.
+  }
+};
+
+/** Headers that say who asks, and for which tenant. */
+export const identification = () => ({
+  ...(token ? { authorization: `Bearer ${token}` } : {}),
+  ...(tenant ? { "x-feedwave-tenant": tenant } : {}),
+});
 
 /** An answer that is none. */
 export class Refused extends Error {
@@ -33,8 +67,7 @@ export class Refused extends Error {
 }
 
 const request = async (path, headers = {}, signal = undefined) => {
-  const all = token ? { ...headers, authorization: `Bearer ${token}` } : headers;
-  const response = await fetch(path, { headers: all, signal, cache: "no-cache" });
+  const response = await fetch(path, { headers: { ...headers, ...identification() }, signal, cache: "no-cache" });
   if (response.ok) return response;
   let message = `${response.status}`;
   try {

@@ -10,6 +10,8 @@ import {
 /** How long a page of the wall stays, ms. */
 const TURN_MS = 12000;
 const PER_PAGE = 12;
+/** Cards of a wall that fill it; the next larger grid is taken. */
+const GRIDS = [1, 2, 4, 6, 9, PER_PAGE];
 
 const FILTERS = ["all", "attention", "running", "held", "stopped"];
 
@@ -116,6 +118,7 @@ export const board = (place, store, parameters) => {
     const pages = isWall ? turned.length : 1;
     page %= pages;
     const visible = isWall ? turned[page] : wanted;
+    setAttribute(cards, "data-grid", isWall ? GRIDS.find((count) => count >= (pages > 1 ? PER_PAGE : visible.length)) : null);
     keep(cards, visible, (machine) => machine.machine, makeCard, updateCard(store));
     setAttribute(nothing, "hidden", wanted.length > 0);
     setText(nothing, !store.isRead ? t("loading") : t(machines.length === 0 ? "noMachines" : "noneMatches"));

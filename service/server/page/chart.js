@@ -11,15 +11,23 @@ const RIGHT = 12;
 const TOP = 10;
 const BOTTOM = 22;
 const MOST_POINTS = 100;
+/** A smaller range than this share of its values is noise. */
+const LEAST_RANGE = 0.02;
 
 /** Round numbers for about so many ticks. */
-const ticks = (from, to, count) => {
+export const ticks = (from, to, count) => {
   const raw = (to - from) / count;
   const power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
   const list = [];
   for (let value = Math.ceil(from / step) * step; value <= to + step * 1e-9; value += step) list.push(value);
   return list;
+};
+
+/** Digits behind the point that tell such ticks apart, in a unit that is so many times smaller. */
+export const digitsOf = (marks, factor = 1) => {
+  const apart = (marks[1] - marks[0]) * factor;
+  return apart > 0 ? Math.max(0, Math.min(6, -Math.floor(Math.log10(apart) + 1e-9))) : 0;
 };
 
 /**
@@ -40,17 +48,20 @@ export const chart = () => {
     const values = [...known.map(([, value]) => value), lower, upper].filter((value) => Number.isFinite(value));
     let [least, most] = [Math.min(...values), Math.max(...values)];
     if (values.length === 0) [least, most] = [0, 1];
-    const margin = (most - least) * 0.12 || Math.abs(most) * 0.1 || 1;
+    const narrow = Math.max(0, Math.max(Math.abs(least), Math.abs(most)) * LEAST_RANGE - (most - least)) / 2;
+    const margin = narrow + ((most - least) * 0.12 || Math.abs(most) * 0.1 || 1);
     [least, most] = [least - margin, most + margin];
+    const marks = ticks(least, most, 4);
+    const tickDigits = Math.max(digits, digitsOf(marks, factor));
     const x = (time) => LEFT + ((time - from) / Math.max(1, to - from)) * (width - LEFT - RIGHT);
     const y = (value) => TOP + ((most - value) / (most - least)) * (HEIGHT - TOP - BOTTOM);
     const parts = [];
     if (Number.isFinite(lower) && Number.isFinite(upper)) {
       parts.push(element("rect", { class: "chart-band", x: LEFT, width: width - LEFT - RIGHT, y: y(upper), height: Math.max(1, y(lower) - y(upper)) }));
     }
-    for (const tick of ticks(least, most, 4)) {
+    for (const tick of marks) {
       parts.push(element("line", { class: "chart-grid", x1: LEFT, x2: width - RIGHT, y1: y(tick), y2: y(tick) }));
-      parts.push(element("text", { class: "chart-tick", x: LEFT - 6, y: y(tick) + 4, "text-anchor": "end" }, number(tick * factor, digits)));
+      parts.push(element("text", { class: "chart-tick", x: LEFT - 6, y: y(tick) + 4, "text-anchor": "end" }, number(tick * factor, tickDigits)));
     }
     let d = "";
     let before = null;

@@ -2,6 +2,7 @@
 
 import { element, keep, setAttribute, setText } from "./dom.js";
 import { read } from "./api.js";
+import { dropZone } from "./upload.js";
 import { bytes, clock, duration, number, percent, short, t } from "./text.js";
 
 const STATES = {
@@ -23,7 +24,7 @@ export const findingsText = (summary) => {
 };
 
 const progressText = (job) => {
-  if (!job.validation) return job.summary ? duration(job.summary.durationS) : "";
+  if (!job.validation) return job.summary && Number(job.summary.errors) === 0 ? `${t("duration")} ${duration(job.summary.durationS)}` : "–";
   const place = Number(job.validation.queuePlace);
   if (place > 0) return t("queued", { place: number(place) });
   const size = Number(job.programBytes);
@@ -43,10 +44,12 @@ export const jobs = (place, store) => {
   const rows = element("tbody");
   const table = element("table", { class: "jobs" }, element("thead", {}, head), rows);
   const more = element("button", { type: "button", onclick: () => readPage(token) });
-  place.append(title, notice, element("div", { class: "scrolls" }, table), more);
+  const zone = dropZone(store);
+  place.append(title, zone.root, notice, element("div", { class: "scrolls" }, table), more);
 
   const draw = () => {
     setText(title, t("jobs"));
+    zone.draw();
     for (const cell of head.children) setText(cell, t(cell.dataset.name));
     setAttribute(notice, "hidden", isRead && !failure && list.length > 0);
     setText(notice, failure ? t("failed", { reason: failure }) : isRead ? t("none") : t("loading"));
@@ -102,8 +105,12 @@ export const jobs = (place, store) => {
   readPage("");
   return {
     draw,
+    get drop() {
+      return store.mayPlan() ? zone.add : undefined;
+    },
     end: () => {
       stop.abort();
+      zone.end();
       clearInterval(progress);
       clearTimeout(gathering);
       subscriptions.forEach((unsubscribe) => unsubscribe());

@@ -1,8 +1,9 @@
 // The page: which view is shown, what all views know, the bar at the top.
 
 import { board } from "./board.js";
+import { check, takeFile } from "./check.js";
 import { element, keep, setAttribute, setText } from "./dom.js";
-import { follow, setToken } from "./api.js";
+import { chosenTenant, follow, forget, hasToken, read, setTenant, setToken } from "./api.js";
 import { jobs } from "./jobs.js";
 import { program } from "./program.js";
 import { run } from "./run.js";
@@ -26,6 +27,23 @@ const decisions = listeners();
 const jobEvents = listeners();
 const resets = listeners();
 
+/** What the service says of itself and of who asks; of an older one nothing. */
+let service = {};
+const DEFAULT_INLINE_BYTES = 1 << 20;
+const readService = async () => {
+  try {
+    service = await read("/v1/state");
+  } catch (error) {
+    // A tenant that cannot be is none that was chosen here.
+    if (error.status === 400 && chosenTenant()) {
+      setTenant("");
+      location.reload();
+    }
+  }
+  drawHead();
+  view?.draw();
+};
+
 /** What all views know. */
 const store = {
   machines: new Map(),
@@ -37,6 +55,11 @@ const store = {
   onDecision: decisions.add,
   onJob: jobEvents.add,
   onReset: resets.add,
+  /** Whether who asks may have programs validated and make jobs of them. */
+  mayPlan: () => (service.caller?.roles ?? []).some((role) => role === "planner" || role === "admin"),
+  limits: () => ({ inlineProgramBytes: Number(service.inlineProgramBytes ?? DEFAULT_INLINE_BYTES) }),
+  /** Goes to another view. */
+  go: (path) => go(path),
 };
 
 const content = document.getElementById("content");
@@ -62,6 +85,7 @@ const missing = (place) => {
 
 const viewOf = (path, parameters) => {
   if (path === "/") return ["board", (place) => board(place, store, parameters)];
+  if (path === "/check") return ["check", (place) => check(place, store, parameters)];
   if (path === "/jobs") return ["jobs", (place) => jobs(place, store)];
   const of = path.match(/^\/((runs|jobs)\/[0-9a-f-]{36})$/);
   if (of?.[2] === "runs") return ["run", (place) => run(place, store, of[1])];
@@ -87,6 +111,7 @@ const drawHead = () => {
   setText(document.getElementById("language"), t("other"));
   setAttribute(document.getElementById("language"), "lang", currentLanguage() === "en" ? "de" : "en");
   setText(document.getElementById("theme"), t(NAMES[theme]));
+  drawCaller();
   const counts = new Map();
   for (const machine of store.machines.values()) {
     const state = stateOf(machine);
@@ -105,6 +130,29 @@ const drawHead = () => {
   setAttribute(connection, "hidden", lostSince === null);
   if (lostSince !== null) setText(connection, t("lost", { time: clock(lostSince) }));
 };
+
+const tenantForm = document.getElementById("tenant-form");
+const tenant = document.getElementById("tenant");
+const leave = document.getElementById("leave");
+
+/** Who asks, and for which tenant; nothing where nobody has to say so. */
+const drawCaller = () => {
+  const caller = service.caller;
+  setAttribute(tenantForm, "hidden", !(caller?.anyTenant && (caller.hasTenants || chosenTenant())));
+  if (document.activeElement !== tenant) tenant.value = chosenTenant() || caller?.tenant || "";
+  const isNamed = caller && !caller.anyTenant && caller.hasTenants;
+  setText(leave, t("leave", { name: caller?.name ?? "" }) + (isNamed && caller.tenant ? ` (${caller.tenant})` : ""));
+  setAttribute(leave, "hidden", !hasToken());
+};
+tenantForm.addEventListener("submit", (event) => {
+  event.preventDefault();
+  setTenant(tenant.value.trim());
+  location.reload();
+});
+leave.addEventListener("click", () => {
+  forget();
+  location.reload();
+});
 
 /** Says new faults to who cannot see them. */
 const said = new Set();
@@ -139,6 +187,7 @@ const askForToken = () => {
 follow({
   open: () => {
     lostSince = null;
+    readService();
     // The states of all machines come now; those that are not among them are gone.
     store.machines.clear();
     drawHead();
@@ -183,14 +232,39 @@ document.getElementById("theme").addEventListener("click", () => {
   paintTheme();
   drawHead();
 });
+const go = (path) => {
+  history.pushState(null, "", path);
+  show();
+  content.focus({ preventScroll: true });
+  scrollTo(0, 0);
+};
+const hasFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
+document.addEventListener("dragover", (event) => {
+  if (!hasFiles(event)) return;
+  event.preventDefault();
+  document.body.dataset.dropping = "";
+});
+document.addEventListener("dragleave", (event) => {
+  if (!event.relatedTarget) delete document.body.dataset.dropping;
+});
+// A program that is dropped anywhere is checked; on the jobs it is to become one.
+document.addEventListener("drop", async (event) => {
+  delete document.body.dataset.dropping;
+  if (!hasFiles(event)) return;
+  event.preventDefault();
+  const files = [...event.dataTransfer.files];
+  if (files.length === 0) return;
+  if (view?.drop) view.drop(files);
+  else {
+    await takeFile(files[0], store.limits());
+    go("/check");
+  }
+});
 document.addEventListener("click", (event) => {
   const link = event.target.closest("a[href^='/']");
   if (!link || event.defaultPrevented || event.button !== 0 || event.ctrlKey || event.metaKey || event.shiftKey) return;
   event.preventDefault();
-  history.pushState(null, "", link.getAttribute("href"));
-  show();
-  content.focus({ preventScroll: true });
-  scrollTo(0, 0);
+  go(link.getAttribute("href"));
 });
 addEventListener("popstate", show);
 document.querySelector(".skip").addEventListener("click", () => content.focus());

@@ -1,13 +1,23 @@
 // A program: its source with the findings under their lines, and how each is cured. However long it is, only what is seen is
 // drawn.
 
+import { chips } from "./chip.js";
+import { drawing } from "./drawing.js";
 import { element, setAttribute, setText } from "./dom.js";
+import { call } from "./grpc.js";
+import { Path } from "./path.js";
 import { read, readBytes } from "./api.js";
+import { isLathe, readMachines } from "./resources.js";
 import { findingsText, jobState } from "./jobs.js";
-import { bytes, duration, number, short, t } from "./text.js";
+import { bytes, clock, currentLanguage, duration, number, short, t } from "./text.js";
 
 const LINE_PX = 22;
-const FINDING_PX = 132;
+/** Rows of a finding and what is around them; a row has so many letters for each pixel of width, and no more rows are laid out. */
+const ROW_PX = 24;
+const AROUND_PX = 14;
+const LETTER_PX = 8.6;
+const MARGIN_PX = 150;
+const MOST_ROWS = 12;
 /** Beyond that a browser cannot lay an element out: the scroll bar is then coarser than the text. */
 const MOST_PX = 12_000_000;
 const PIECE_BYTES = 4 << 20;
@@ -48,8 +58,34 @@ export const program = (place, store, name) => {
   const spacer = element("div", { class: "source-spacer" });
   const lines = element("div", { class: "source-lines" });
   const scroller = element("div", { class: "source", tabindex: "0", role: "region" }, spacer, lines);
-  const tools = element("div", { class: "tools" }, previous, next, count);
-  place.append(title, subtitle, notice, tools, scroller, keys);
+  const edit = element("a", { class: "view", href: `/check?job=${name}` });
+  const tools = element("div", { class: "tools" }, previous, next, count, edit);
+  const chipPictures = chips();
+  const picture = drawing({
+    onPoint: (line) => point(line),
+    onChoose: (line) => {
+      scroller.scrollTop = Math.max(0, top(line) - scroller.clientHeight / 3) / scale();
+      point(line);
+      picture.mark(line);
+    },
+  });
+  let pointed = 0;
+  let drawingState = "";
+  let ownRuns = [];
+  const point = (line) => {
+    if (line === pointed) return;
+    pointed = line;
+    drawSource();
+  };
+  const runs = element("p", { class: "subtitle", hidden: true });
+  place.append(
+    title, subtitle, runs, notice, element("div", { class: "side-by-side" }, element("div", {}, tools, scroller, keys), picture.root),
+    chipPictures.root,
+  );
+  // What is under the pointer, or under the focus of the keyboard, is marked in both.
+  const lineUnder = (node) => Number(node.closest?.(".source-line")?.dataset.line ?? 0);
+  lines.addEventListener("pointerover", (event) => picture.mark(lineUnder(event.target)));
+  lines.addEventListener("pointerleave", () => picture.mark(0));
 
   /** Findings that have a place in the program itself, by line. */
   let findings = [];
@@ -64,8 +100,20 @@ export const program = (place, store, name) => {
     }
     return low;
   };
-  const top = (line) => (line - 1) * LINE_PX + before(line) * FINDING_PX;
-  const total = () => starts.length * LINE_PX + findings.length * FINDING_PX;
+  /** Heights of the findings before each, px; behind the last one that of all. */
+  let heights = [0];
+  const rowsOf = (finding) => {
+    const letters = Math.max(20, ((scroller.clientWidth || 800) - MARGIN_PX) / LETTER_PX);
+    const rows = (text) => Math.max(1, Math.ceil(text.length / letters));
+    const cures = (finding.suggestions ?? []).map((cure) => rows(`${t("cure")}:   ${cure.message} ${cure.replacement ?? ""}`));
+    return Math.min(MOST_ROWS, [rows(`${finding.code} ${finding.message}`), ...cures].reduce((sum, count) => sum + count, 0));
+  };
+  const layOut = () => {
+    heights = [0];
+    for (const finding of findings) heights.push(heights.at(-1) + rowsOf(finding) * ROW_PX + AROUND_PX);
+  };
+  const top = (line) => (line - 1) * LINE_PX + heights[before(line)];
+  const total = () => starts.length * LINE_PX + heights.at(-1);
   const lineAt = (px) => {
     let [low, high] = [1, starts.length];
     while (low < high) {
@@ -91,11 +139,13 @@ export const program = (place, store, name) => {
     const cures = (finding.suggestions ?? []).map((cure) =>
       element("li", {}, cure.message, cure.replacement === undefined ? null : element("code", {}, cure.replacement)));
     const often = Number(finding.occurrences) > 1 ? ` · ${t("occurrences", { count: number(finding.occurrences) })}` : "";
-    return element(
-      "div", { class: "finding", "data-severity": severity, "data-current": index === current },
+    const node = element(
+      "div", { class: "finding", lang: "en", "data-severity": severity, "data-current": index === current },
       element("p", { class: "finding-head" }, element("strong", {}, finding.code), `${finding.message}${often}`),
-      cures.length > 0 ? element("div", { class: "cures" }, element("span", {}, `${t("cure")}: `), element("ul", {}, cures)) : null,
+      cures.length > 0 ? element("div", { class: "cures" }, element("span", { lang: currentLanguage() }, `${t("cure")}: `), element("ul", {}, cures)) : null,
     );
+    node.style.blockSize = `${heights[index + 1] - heights[index]}px`;
+    return node;
   };
   const lineNode = (line) => {
     const marks = findings.slice(before(line), before(line + 1));
@@ -111,7 +161,7 @@ export const program = (place, store, name) => {
     } else {
       code.append(text);
     }
-    return element("div", { class: "source-line", "data-line": line }, element("span", { class: "source-number" }, String(line)), code);
+    return element("div", { class: "source-line", "data-line": line, "data-pointed": line === pointed }, element("span", { class: "source-number" }, String(line)), code);
   };
 
   const drawSource = () => {
@@ -134,6 +184,7 @@ export const program = (place, store, name) => {
     current = current < 0 ? (by > 0 ? 0 : findings.length - 1) : (current + by + findings.length) % findings.length;
     const target = top(findings[current].line) - scroller.clientHeight / 3;
     scroller.scrollTop = Math.max(0, target) / scale();
+    picture.mark(findings[current].line);
     draw();
   };
   const onKey = (event) => {
@@ -143,7 +194,10 @@ export const program = (place, store, name) => {
   };
   document.addEventListener("keydown", onKey);
   scroller.addEventListener("scroll", () => requestAnimationFrame(drawSource), { passive: true });
-  const resized = new ResizeObserver(drawSource);
+  const resized = new ResizeObserver(() => {
+    layOut();
+    drawSource();
+  });
   resized.observe(scroller);
 
   const draw = () => {
@@ -151,7 +205,7 @@ export const program = (place, store, name) => {
     const summary = job?.summary;
     const sizeText = job ? bytes(Number(job.programBytes)) : "";
     const parts = job
-      ? [job.machine.replace("machines/", ""), jobState(job), sizeText, summary ? `${t("duration")} ${duration(summary.durationS)}` : "", `${t("findings")}: ${findingsText(summary)}`]
+      ? [job.machine.replace("machines/", ""), jobState(job), sizeText, summary && Number(summary.errors) === 0 ? `${t("duration")} ${duration(summary.durationS)}` : "", `${t("findings")}: ${findingsText(summary)}`]
       : [];
     setText(subtitle, parts.filter(Boolean).join(" · "));
     const elsewhere = (report?.findings ?? []).filter((finding) => finding.file || !finding.line);
@@ -167,7 +221,14 @@ export const program = (place, store, name) => {
     setText(count, !report ? t("noReport") : findings.length === 0 ? t("noFindings") : `${current < 0 ? "–" : current + 1} / ${number(findings.length)}`);
     setText(keys, t("keyboard"));
     setAttribute(scroller, "aria-label", t("source"));
+    layOut();
+    setText(edit, t("edit"));
+    setAttribute(edit, "hidden", !job || Number(job.programBytes) > store.limits().inlineProgramBytes);
+    setAttribute(runs, "hidden", ownRuns.length === 0);
+    runs.replaceChildren(`${t("runs")}: `, ...ownRuns.flatMap((one, index) => [index > 0 ? " · " : "", element("a", { href: `/${one.name}` }, clock(one.createTime))]));
     drawSource();
+    picture.draw(drawingState);
+    chipPictures.draw(report);
   };
 
   const readReport = async () => {
@@ -178,6 +239,7 @@ export const program = (place, store, name) => {
         if (error.status === 400) return null;
         throw error;
       });
+      ownRuns = (await read(`/v1/runs?${new URLSearchParams({ job: name, pageSize: "5" })}`, stop.signal)).runs;
       const own = (report?.findings ?? []).filter((finding) => finding.line && !finding.file);
       findings = own.sort((a, b) => a.line - b.line || a.column - b.column);
       failure = null;
@@ -209,9 +271,33 @@ export const program = (place, store, name) => {
     }
     draw();
   };
+  /** Has the program carried out, and draws what it does: up to its first error, or as much as there is room for. */
+  const readPath = async () => {
+    const path = new Path();
+    const enough = new AbortController();
+    stop.signal.addEventListener("abort", () => enough.abort());
+    drawingState = t("loading");
+    picture.draw(drawingState);
+    let ofLathe = false;
+    try {
+      const machines = await readMachines(stop.signal);
+      ofLathe = isLathe(machines.find((machine) => machine.name === job.machine));
+      await call("Programs/Interpret", { job: name }, {
+        signal: enough.signal,
+        onMessage: (message) => {
+          if (!message.actions.every((action) => path.add(action))) enough.abort();
+        },
+      });
+      drawingState = "";
+    } catch (error) {
+      if (stop.signal.aborted) return;
+      drawingState = path.isCut ? "" : t("failed", { reason: error.message });
+    }
+    picture.show(path, ofLathe, drawingState);
+  };
   const begin = async () => {
     await readReport();
-    if (job) await readSource();
+    if (job) await Promise.all([readSource(), readPath()]);
     const asked = Number(new URLSearchParams(location.search).get("line"));
     if (asked > 0) scroller.scrollTop = top(Math.min(asked, starts.length)) / scale();
   };
@@ -227,6 +313,7 @@ export const program = (place, store, name) => {
     draw,
     end: () => {
       stop.abort();
+      picture.end();
       resized.disconnect();
       document.removeEventListener("keydown", onKey);
       subscriptions.forEach((unsubscribe) => unsubscribe());

@@ -57,7 +57,7 @@ export const run = (place, store, name) => {
   const icon = stateIcon();
   const title = element("h1", { class: "title" });
   const stateWord = element("span", { class: "state" });
-  const subtitle = element("p", { class: "subtitle" });
+  const subtitle = element("p", { class: "subtitle" }, element("span"), " ", element("a"));
   const notice = element("p", { class: "notice" });
   const reason = element("p", { class: "reason" });
   const process = element("div", { class: "process" }, element("span", { class: "process-text" }), limitBar());
@@ -97,13 +97,16 @@ export const run = (place, store, name) => {
     const since = t("sinceTime", { time: clock(record.createTime) });
     const others = machine ? otherRuns(machine) : "";
     const age = now ? ageOf({ ...now, arrivedAt: machine?.arrivedAt ?? record.arrivedAt }, store) : "";
-    setText(subtitle, [machineName, kind, since, others, age].filter(Boolean).join(" · "));
+    setText(subtitle.firstChild, [machineName, kind, since, others, age].filter(Boolean).join(" · "));
+    setText(subtitle.lastChild, record.job ? t("program") : "");
+    setAttribute(subtitle.lastChild, "href", record.job ? `/${record.job}` : null);
     const overrides = available ? now?.overrides : undefined;
     setText(reason, overrides ? feedReason(now) : "");
     const shown = available ? now?.process : undefined;
     setAttribute(process, "hidden", shown?.value === undefined);
     if (shown?.value !== undefined) {
-      setText(process.firstChild, `${propertyOf(shown)} ${measured(shown.value, shown.unit)} ${shown.unit}`);
+      const limits = t("limits", { lower: measured(shown.lower, shown.unit), upper: measured(shown.upper, shown.unit), unit: shown.unit });
+      setText(process.firstChild, `${propertyOf(shown)} ${measured(shown.value, shown.unit)} ${shown.unit} (${limits})`);
       paintBar(process.lastChild, shown);
     }
     const commanded = available ? now?.commanded : undefined;
@@ -114,7 +117,7 @@ export const run = (place, store, name) => {
       [t("pathFeed"), commanded ? `${number(commanded.feedMmPerMin, 1)} mm/min` : "–"],
       [t("spindle"), speed === undefined || !overrides ? "–" : `${number(speed * overrides.spindle)} /min (${percent(overrides.spindle)})`],
       [t("progress"), now?.progress ? `${percent(now.progress.ratio)} · ${now.progress.remainingS === undefined ? "–" : `≈ ${duration(now.progress.remainingS)}`}` : null],
-      [t("source"), commanded ? t("line", { line: commanded.line }) : null],
+      [t("programLine"), commanded ? number(commanded.line) : null],
       [t("dominant"), line ? `${number(line.frequencyHz, 1)} Hz · ${measured(line.amplitude, shown.deviationUnit)} ${shown.deviationUnit}` : null],
     ]);
   };

@@ -29,10 +29,32 @@ const WORDS = {
     setpoints: "Setpoints", path: "Path", lines: "Lines", occurrences: "{count} times", inFile: "in {file}",
     tooLong: "Only the first {size} of the program are shown.", trendNow: "The path feed is drawn while this page is open.",
     chart: "{name}: {from} to {to}, last {last} {unit}", empty: "no values yet", bounds: "at its bound", live: "live run",
-    telemetryRun: "telemetry", keyboard: "Keys: n and p go to the next and the previous finding, arrow keys to decisions.",
+    telemetryRun: "telemetry", keyboard: "Keys: n and p go to the next and the previous finding.",
     noEvidence: "no evidence", parts: "finished runs", heldByOperator: "held by the operator", otherRuns: "+{count} runs",
     otherRun: "+1 run", overrideDecided: "Feed override, decided until {time}, from then on in force",
     allDecided: "Feed override, decided", notShown: "The machine shows another run: what needs attention here is not told.",
+    tenant: "Tenant", tenantGo: "Show", leave: "Sign out {name}", check: "Check", checkTitle: "Check a program", runs: "Runs", programLine: "Program line", edit: "Edit a copy",
+    choose: "Choose a file", tools: "Tools", toolsAny: "Tools: any", toolsSome: "Tools: {count}", createJob: "Create job",
+    createJobs: "Create {count} jobs", checking: "checking …", foundCount: "found: {count}", cuttingTime: "Cutting time",
+    sections: "Vibrating sections", checkEmpty: "Drop a program here, choose a file or type. Nothing is stored.",
+    checkTooLarge: "{name} has {size}; up to {limit} can be checked here. A larger program becomes a job.",
+    checkForeign: "The file is not UTF-8; it was read as Windows-1252.", checkFailed: "This could not be done: {reason}",
+    checkViewer: "Only the interpreter's findings are shown: validation needs the role planner.",
+    editorKeys: "Keys: F8 and Shift F8 go to the next and the previous finding, Alt Enter applies its cure.",
+    cureWith: "Replace by", curesBy: "Take it out", drawing: "Path", viewSpace: "Space", viewTop: "Top", viewFront: "Front",
+    viewSide: "Side", viewLathe: "Lathe", pathRapid: "rapid", pathCut: "cut", pathVibrating: "cut with vibration",
+    drawnToError: "drawn up to the first error", pathLong: "only the first {moves} moves are drawn", radius: "X is a radius",
+    drawingKeys: "Drag turns, Shift and drag moves, the wheel enlarges. Keys: arrows, Shift arrows, + and −, 0 for all of it, 1 to 4 for the views.",
+    chips: "Chips", chipProgrammed: "Programmed: {frequency} Hz, amplitude {amplitude} mm",
+    chipSuggested: "Suggested: {frequency} Hz, amplitude {amplitude} mm", chipThickness: "Chip thickness",
+    chipTracks: "Tracks of successive revolutions: where they cross, the chip breaks", chipRevolutions: "chip thickness over revolutions of the spindle; below 0: air",
+    chipAngle: "tool position over the spindle angle, degrees, in 4 successive revolutions", chipPerRev: "{count} vibrations per revolution",
+    chipBreaks: "the chip breaks", chipInPhase: "in phase, no amplitude breaks the chip",
+    chipShort: "the amplitude is {percent} % of what breaks the chip",
+    chipLines: "Lines {first} to {last} · {spindle} /min · {feed} mm/rev", chipMore: "and {count} more",
+    dropHere: "Drop programs here to make jobs of them.", dismiss: "Remove", sending: "being sent …",
+    uploadInsecure: "A program of this size can be sent over https or from the service's own computer only; otherwise use feedwave submit.",
+    uploadTooLarge: "More than {size} is for feedwave submit.",
   },
   de: {
     brand: "feedwave", skip: "Zum Inhalt", board: "Übersicht", jobs: "Aufträge", other: "English",
@@ -66,11 +88,35 @@ const WORDS = {
     trendNow: "Der Bahnvorschub wird gezeichnet, solange diese Seite offen ist.",
     chart: "{name}: {from} bis {to}, zuletzt {last} {unit}", empty: "noch keine Werte", bounds: "an seiner Grenze",
     live: "Live-Lauf", telemetryRun: "Telemetrie",
-    keyboard: "Tasten: n und p gehen zum nächsten und vorigen Befund, Pfeiltasten zu Entscheidungen.",
+    keyboard: "Tasten: n und p gehen zum nächsten und vorigen Befund.",
     noEvidence: "kein Beleg", parts: "fertige Läufe", heldByOperator: "vom Bediener angehalten", otherRuns: "+{count} Läufe",
     otherRun: "+1 Lauf", overrideDecided: "Vorschub-Override, bis {time} entschieden, danach in Kraft",
     allDecided: "Vorschub-Override, entschieden",
     notShown: "Die Maschine zeigt einen anderen Lauf: was hier auffällig ist, wird nicht gemeldet.",
+    tenant: "Mandant", tenantGo: "Anzeigen", leave: "{name} abmelden", check: "Prüfen", checkTitle: "Programm prüfen", runs: "Läufe", programLine: "Programmzeile", edit: "Kopie bearbeiten",
+    choose: "Datei wählen", tools: "Werkzeuge", toolsAny: "Werkzeuge: alle", toolsSome: "Werkzeuge: {count}",
+    createJob: "Auftrag anlegen", createJobs: "{count} Aufträge anlegen", checking: "wird geprüft …",
+    foundCount: "Befunde: {count}", cuttingTime: "Schnittzeit", sections: "Schwingende Abschnitte",
+    checkEmpty: "Ein Programm hierher ziehen, eine Datei wählen oder schreiben. Nichts wird gespeichert.",
+    checkTooLarge: "{name} hat {size}; geprüft werden hier bis zu {limit}. Ein größeres Programm wird ein Auftrag.",
+    checkForeign: "Die Datei ist nicht UTF-8; sie wurde als Windows-1252 gelesen.", checkFailed: "Das ging nicht: {reason}",
+    checkViewer: "Nur Befunde des Interpreters: die Prüfung braucht die Rolle planner.",
+    editorKeys: "Tasten: F8 und Umschalt F8 gehen zum nächsten und vorigen Befund, Alt Enter wendet seine Abhilfe an.",
+    cureWith: "Ersetzen durch", curesBy: "Entfernen", drawing: "Bahn", viewSpace: "Raum", viewTop: "Oben",
+    viewFront: "Vorn", viewSide: "Seite", drawnToError: "gezeichnet bis zum ersten Fehler", viewLathe: "Drehen", pathRapid: "Eilgang", pathCut: "Schnitt",
+    pathVibrating: "Schnitt mit Schwingung", pathLong: "nur die ersten {moves} Bewegungen sind gezeichnet", radius: "X ist ein Radius",
+    drawingKeys: "Ziehen dreht, Umschalt und Ziehen verschiebt, das Rad vergrößert. Tasten: Pfeile, Umschalt Pfeile, + und −, 0 für alles, 1 bis 4 für die Ansichten.",
+    chips: "Späne", chipProgrammed: "Programmiert: {frequency} Hz, Amplitude {amplitude} mm",
+    chipSuggested: "Vorschlag: {frequency} Hz, Amplitude {amplitude} mm", chipThickness: "Spandicke",
+    chipTracks: "Bahnen aufeinander folgender Umdrehungen: wo sie sich kreuzen, bricht der Span",
+    chipRevolutions: "Spandicke über Umdrehungen der Spindel; unter 0: Luft",
+    chipAngle: "Werkzeuglage über dem Spindelwinkel, Grad, in 4 Umdrehungen nacheinander", chipPerRev: "{count} Schwingungen je Umdrehung",
+    chipBreaks: "der Span bricht", chipInPhase: "in Phase, keine Amplitude bricht den Span",
+    chipShort: "die Amplitude ist {percent} % derer, die den Span bricht",
+    chipLines: "Zeilen {first} bis {last} · {spindle} /min · {feed} mm/U", chipMore: "und {count} weitere",
+    dropHere: "Programme hierher ziehen, um Aufträge daraus zu machen.", dismiss: "Entfernen", sending: "wird gesendet …",
+    uploadInsecure: "Ein Programm dieser Größe geht nur über https oder vom Rechner des Dienstes; sonst mit feedwave submit.",
+    uploadTooLarge: "Mehr als {size} geht mit feedwave submit.",
   },
 };
 
@@ -132,6 +178,9 @@ if (!(language in WORDS)) language = "en";
 
 export const currentLanguage = () => language;
 
+/** The language as the reader's browser writes it: times of day and signs of numbers are a country's. */
+const locale = () => navigator.languages?.find((name) => name.toLowerCase().startsWith(language)) ?? language;
+
 export const switchLanguage = () => {
   language = language === "en" ? "de" : "en";
   remember("language", language);
@@ -154,7 +203,7 @@ const format = (digits) => {
   const key = `${language}${digits}`;
   if (!formats.has(key)) {
     const options = { minimumFractionDigits: digits, maximumFractionDigits: digits, signDisplay: "negative" };
-    formats.set(key, new Intl.NumberFormat(language, options));
+    formats.set(key, new Intl.NumberFormat(locale(), options));
   }
   return formats.get(key);
 };
@@ -184,7 +233,7 @@ export const duration = (seconds) => {
 export const clock = (time) => {
   const date = new Date(time);
   const today = date.toDateString() === new Date().toDateString();
-  return new Intl.DateTimeFormat(language, today ? { timeStyle: "medium" } : { dateStyle: "short", timeStyle: "medium" })
+  return new Intl.DateTimeFormat(locale(), today ? { timeStyle: "medium" } : { dateStyle: "short", timeStyle: "medium" })
     .format(date);
 };
 

@@ -125,6 +125,11 @@ impl Identity {
         &self.name
     }
 
+    /// Whether a role is its own.
+    const fn has(&self, role: Role) -> bool {
+        self.roles & role.bit() != 0
+    }
+
     /// Whether it may do what a role may.
     #[must_use]
     pub const fn is(&self, role: Role) -> bool {

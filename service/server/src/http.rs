@@ -1,8 +1,9 @@
-//! The read-only HTTP port for dashboards, Prometheus and probes. Bodies are the protobuf JSON mapping of the
+//! The HTTP port for dashboards, Prometheus, probes and the page, read-only but for what the page calls (`calls`). Bodies are the protobuf JSON mapping of the
 //! contract's messages, errors that of `google.rpc.Status`. Every answer under `/v1` has a strong entity tag, so
 //! that polling for what has not changed costs a 304.
 
 mod bounds;
+mod calls;
 mod conditional;
 mod live;
 mod page;
@@ -42,7 +43,7 @@ use crate::access::{Access, of_route};
 use crate::api;
 use crate::api::Api;
 use crate::audit::{AuditLog, asked};
-use crate::connections::{Connection, in_json};
+use crate::connections::{App, Connection, in_json};
 use crate::error::{Error, Result, Violations};
 use crate::lifecycle::REQUEST_ID;
 use crate::observability::metrics::{Metrics, machines, open, text_of};
@@ -66,8 +67,8 @@ pub struct HttpState {
     pub heartbeat: Duration,
 }
 
-/// The routes of the port.
-pub fn router(state: HttpState) -> Router {
+/// The routes of the port; `calls` answers what the page calls, with bounds and checks of its own.
+pub(crate) fn router(state: HttpState, calls: &App) -> Router {
     let bounds = from_fn_with_state(Bounds::new(&state), bounded);
     let panics = CatchPanicLayer::custom(Panicked(state.api.metrics.clone()));
     let routes = ROUTES.iter().fold(Router::new(), |router, entry| {
@@ -81,6 +82,7 @@ pub fn router(state: HttpState) -> Router {
         .method_not_allowed_fallback(wrong_method)
         .layer(panics)
         .layer(bounds)
+        .merge(calls::routes(calls))
         .with_state(state)
 }
 
@@ -324,6 +326,8 @@ async fn get_state(State(state): State<HttpState>, api: Api, headers: HeaderMap)
         queued_validations: active.queued_validations.try_into().unwrap_or(u32::MAX),
         last_event: api.store.newest_event().await?.unsigned_abs(),
         open_conditions: api.store.count_open_conditions().await?.try_into().unwrap_or(u32::MAX),
+        caller: Some(api.caller.described()),
+        inline_program_bytes: api.limits.inline_program_bytes,
     };
     Ok(message(&headers, &answer))
 }

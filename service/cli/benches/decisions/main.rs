@@ -9,13 +9,19 @@
 //! Batches have the samples of 1, 2 or 5 ms: shorter ones cost more messages than samples, longer ones delay the end of a
 //! window by more than the answer takes. Each machine's windows end at another time.
 //!
+//! With `--lookers 500` the question is another one: what those who look on cost. In each of `--rounds` the service is
+//! measured without and with them, one after the other.
+//!
 //! The bar is 5 ms for 99 of 100 decisions on two cores, clients included; on a larger machine run it under
 //! `taskset -c 0,1`. `cargo bench -p feedwave --bench decisions -- --help` has the settings.
 
 mod commits;
 mod echo;
+mod lookers;
 mod machine;
 
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -55,6 +61,15 @@ pub struct Options {
     /// Service to measure in place of the one that was built along
     #[arg(long, default_value = env!("CARGO_BIN_EXE_feedwave"), hide_default_value = true)]
     service: PathBuf,
+    /// Pages and pollers that look on, in place of the comparison with the bare parts
+    #[arg(long, default_value_t = 0)]
+    lookers: u64,
+    /// How often the service is measured without and with those who look on
+    #[arg(long, default_value_t = 3)]
+    rounds: u64,
+    /// Look on, at the HTTP port with this address
+    #[arg(long, hide = true)]
+    look: Option<String>,
     /// Passed by Cargo
     #[arg(long, hide = true)]
     bench: bool,
@@ -83,8 +98,17 @@ impl Drop for Process {
     }
 }
 
-/// Starts a server and waits for the file in which it writes its gRPC address.
-fn serve(mut command: Command, ready_file: &Path) -> (Process, String) {
+/// A server that runs.
+struct Served {
+    process: Process,
+    /// URL of its gRPC port.
+    url: String,
+    /// Address of its HTTP port; empty where it has none.
+    http: String,
+}
+
+/// Starts a server and waits for the file in which it writes its addresses.
+fn serve(mut command: Command, ready_file: &Path) -> Served {
     let process = Process(command.stdout(Stdio::null()).spawn().expect("the server starts"));
     let begun = Instant::now();
     while !ready_file.exists() {
@@ -93,7 +117,26 @@ fn serve(mut command: Command, ready_file: &Path) -> (Process, String) {
     }
     let ready: serde_json::Value =
         serde_json::from_slice(&std::fs::read(ready_file).expect("a ready file")).expect("JSON");
-    (process, format!("http://{}", ready["grpc"].as_str().expect("an address")))
+    let url = format!("http://{}", ready["grpc"].as_str().expect("an address"));
+    Served { process, url, http: ready["http"].as_str().unwrap_or_default().to_owned() }
+}
+
+/// Starts the service with a database of its own.
+fn serve_service(folder: &Path, name: &str, options: &Options) -> Served {
+    let ready_file = folder.join(format!("{name}.json"));
+    let config = folder.join(format!("{name}.toml"));
+    let places = 2 * options.lookers.max(512);
+    let connections = format!(
+        "[connections]\ntotal = {places}\nper_client = {places}\ncalls_per_client = {places}\nwatchers = {places}\n\
+         watchers_per_client = {places}\n"
+    );
+    std::fs::write(&config, connections).expect("a configuration");
+    let mut command = Command::new(&options.service);
+    command.args(["serve", "--log-level", "warn", "--grpc-listen", "127.0.0.1:0", "--http-listen", "127.0.0.1:0"]);
+    command.arg("--config").arg(config);
+    command.arg("--store").arg(format!("sqlite://{}/{name}.db", folder.display()));
+    command.arg("--ready-file").arg(&ready_file);
+    serve(command, &ready_file)
 }
 
 /// Connects to the server that prepares jobs for the machines: each has one and its own connection.
@@ -158,7 +201,7 @@ async fn compare(options: &Options) {
         let mut command = Command::new(std::env::current_exe().expect("a path"));
         command.arg("--echo").arg("--folder").arg(&ready_file);
         command.args(["--window-ms", &options.window_ms.to_string(), "--batch-ms", &batch_ms.to_string()]);
-        let (process, url) = serve(command, &ready_file);
+        let Served { process, url, .. } = serve(command, &ready_file);
         let mut machines = Vec::new();
         for _ in 0..options.machines {
             let client = TelemetryClient::connect(url.clone()).await.expect("connects");
@@ -168,18 +211,71 @@ async fn compare(options: &Options) {
         show("  bare stream", &bare, &cores(&process, options));
         drop(process);
 
-        let ready_file = folder.path().join(format!("service-{round}.json"));
-        let mut command = Command::new(&options.service);
-        command.args(["serve", "--log-level", "warn", "--grpc-listen", "127.0.0.1:0", "--http-listen", "127.0.0.1:0"]);
-        command.arg("--store").arg(format!("sqlite://{}/feedwave-{round}.db", folder.path().display()));
-        command.arg("--ready-file").arg(&ready_file);
-        let (process, url) = serve(command, &ready_file);
+        let Served { process, url, .. } = serve_service(folder.path(), &format!("service-{round}"), options);
         let machines = prepare(&url, options).await;
         let decisions = drive(machines, batch_ms, options).await;
         show("  decisions", &decisions, &cores(&process, options));
         let kept = decisions.iter().filter(|latency| **latency <= BAR).count();
         println!("  {:.2} % of the decisions within {BAR:?}", 100.0 * kept as f64 / decisions.len() as f64);
     }
+}
+
+/// Measures the service without and with those who look on, again and again.
+async fn compare_looked_at(options: &Options) {
+    let folder = options.folder.clone().unwrap_or_else(std::env::temp_dir);
+    let folder = TempDir::new_in(folder).expect("a temporary folder");
+    println!(
+        "{} machines, {} samples/s each, windows of {} ms; {} pages and pollers at one second; times in ms",
+        options.machines, options.rate_hz, options.window_ms, options.lookers
+    );
+    println!("{:<22}{:>8}{:>10}{:>10}{:>10}", "", "number", "median", "99 %", "largest");
+    for &batch_ms in &options.batch_ms {
+        println!("batches of {batch_ms} ms");
+        let mut all: [Vec<Duration>; 2] = Default::default();
+        for round in 0..options.rounds {
+            // Whoever is second is so in every other round.
+            let order = if round % 2 == 0 { [false, true] } else { [true, false] };
+            for is_looked_at in order {
+                let name = format!("service-{batch_ms}-{round}-{is_looked_at}");
+                let Served { process, url, http } = serve_service(folder.path(), &name, options);
+                let _lookers = is_looked_at.then(|| {
+                    let mut command = Command::new(std::env::current_exe().expect("a path"));
+                    command.args(["--look", &http, "--lookers", &options.lookers.to_string()]);
+                    Process(command.spawn().expect("those who look on start"))
+                });
+                let machines = prepare(&url, options).await;
+                let decisions = drive(machines, batch_ms, options).await;
+                let what = if is_looked_at { "  looked at" } else { "  alone" };
+                let shown = floor_seconds(&http) / options.machines as f64 / options.seconds as f64;
+                show(
+                    what,
+                    &decisions,
+                    &format!(
+                        "{}, {:.4} % of a run's time is for who looks on",
+                        cores(&process, options),
+                        100.0 * shown
+                    ),
+                );
+                all[usize::from(is_looked_at)].extend(decisions);
+            }
+        }
+        for (what, latencies) in ["  alone, all rounds", "  looked at, all rounds"].into_iter().zip(&mut all) {
+            latencies.sort();
+            show(what, latencies, "");
+        }
+    }
+}
+
+/// Time that the runs of a service spent on what machines are shown to do, s.
+fn floor_seconds(http: &str) -> f64 {
+    let mut stream = TcpStream::connect(http).expect("connects");
+    stream
+        .write_all(format!("GET /metrics HTTP/1.1\r\nhost: {http}\r\nconnection: close\r\n\r\n").as_bytes())
+        .expect("asks");
+    let mut text = String::new();
+    stream.read_to_string(&mut text).expect("an answer");
+    let value = text.lines().find_map(|line| line.strip_prefix("feedwave_floor_seconds_total "));
+    value.expect("the figure").parse().expect("a number")
 }
 
 /// What the server's process has used.
@@ -191,8 +287,12 @@ fn main() {
     let options = Options::parse();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
     let runtime = runtime.expect("a runtime");
-    if options.echo {
+    if let Some(address) = &options.look {
+        runtime.block_on(lookers::look(address, options.lookers));
+    } else if options.echo {
         runtime.block_on(echo::serve(&options));
+    } else if options.lookers > 0 {
+        runtime.block_on(compare_looked_at(&options));
     } else {
         runtime.block_on(compare(&options));
     }

@@ -2,9 +2,10 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use feedwave_contract::proto::CallerState;
 use feedwave_store::Tenant;
 
-use super::{Identity, Tenants};
+use super::{Identity, Role, Tenants};
 use crate::connections::Connection;
 use crate::error::Result;
 
@@ -70,6 +71,19 @@ impl Caller {
     #[must_use]
     pub const fn tenant(&self) -> Tenant {
         self.tenant
+    }
+
+    /// The client as it is told of itself.
+    pub(crate) fn described(&self) -> CallerState {
+        let identity = self.identity.as_deref();
+        let has = |role: &&Role| identity.is_some_and(|identity| identity.has(**role));
+        CallerState {
+            name: self.name().to_owned(),
+            roles: Role::ALL.iter().filter(has).map(|role| role.name().to_owned()).collect(),
+            tenant: self.tenant.to_string(),
+            any_tenant: identity.is_some_and(|identity| identity.tenants == Tenants::Any),
+            has_tenants: self.has_tenants,
+        }
     }
 
     /// The one tenant whose records the call may see, where it may not see all.

@@ -139,7 +139,7 @@ impl Engine {
         let inner = &self.inner;
         let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard)?;
         let feed = Feed::new(&attached.overrides)?;
-        let view = LiveView::new(presence, &plan.config);
+        let view = LiveView::new(presence, &plan.config, inner.metrics.clone());
         let first_index = plan.first_index;
         let mut plan = plan;
         if plan.config.spindle_changes.is_some() {

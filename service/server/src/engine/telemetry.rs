@@ -253,11 +253,13 @@ impl Worker {
             return;
         }
         let monitor = self.session.monitor();
-        self.presence.observe(monitor);
-        if self.presence.execution() != Execution::Finished {
-            self.presence.follow(Presence::execution_of(monitor));
-        }
-        self.presence.tell();
+        self.metrics.showing(|| {
+            self.presence.observe(monitor);
+            if self.presence.execution() != Execution::Finished {
+                self.presence.follow(Presence::execution_of(monitor));
+            }
+            self.presence.tell();
+        });
     }
 
     fn wait(&mut self) -> Wake {
@@ -314,7 +316,7 @@ impl Worker {
         let besides = RunCommit { end, ..RunCommit::default() };
         let durable = self.runtime.block_on(self.session.commit(&self.metrics, besides))?;
         let decided = !durable.decisions.is_empty();
-        self.presence.decided(&durable.decisions);
+        self.metrics.showing(|| self.presence.decided(&durable.decisions));
         let decisions = durable.decisions.into_iter().map(Message::Decision);
         for message in decisions.chain(durable.ack.map(Message::Ack)) {
             let message = proto::IngestResponse { message: Some(message) };

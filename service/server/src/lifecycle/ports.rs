@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use feedwave_contract::convert::timestamp;
-use http::Request;
+use http::{Request, Response, StatusCode, header};
 use jiff::Timestamp;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
@@ -82,7 +82,10 @@ impl Apps {
             Some(_) => Some(mtconnect_app(asked.api, asked.access, config).await.map_err(setup)?),
             None => None,
         };
-        let grpc = grpc_app(&asked, config)?;
+        let calls = grpc_app(&asked)?;
+        // Asked before anything else: whoever asks so has not said who it is.
+        let across = || ServiceBuilder::new().map_response(preflight);
+        let grpc = app(across().option_layer(config.cors.for_grpc_web()).service(calls.clone()));
         let state = HttpState {
             api: asked.api.clone(),
             readiness: asked.readiness,
@@ -91,7 +94,7 @@ impl Apps {
             start_time: timestamp(Timestamp::now().as_microsecond()),
             heartbeat: config.http.heartbeat(),
         };
-        let http = app(ServiceBuilder::new().option_layer(config.cors.for_http()).service(router(state)));
+        let http = app(across().option_layer(config.cors.for_http()).service(router(state, &calls)));
         Ok(Self { grpc, http, mtconnect })
     }
 }
@@ -172,8 +175,16 @@ fn bounded_by_descriptors(config: &Config) -> ConnectionLimits {
     limits
 }
 
+/// An answer to a browser that asks what it may ask has nothing in it, and says so: no other one names methods.
+fn preflight<B>(mut response: Response<B>) -> Response<B> {
+    if response.headers().contains_key(header::ACCESS_CONTROL_ALLOW_METHODS) {
+        *response.status_mut() = StatusCode::NO_CONTENT;
+    }
+    response
+}
+
 /// The gRPC services with what is around each call.
-fn grpc_app(asked: &Asked<'_>, config: &Config) -> Result<App, StartError> {
+fn grpc_app(asked: &Asked<'_>) -> Result<App, StartError> {
     let (api, access, audit) = (asked.api, asked.access.clone(), asked.audit.clone());
     let rpc = RpcLayer::new(api.metrics.clone(), &api.limits, access, audit, api.engine.draining().clone());
     let routes = services::routes(api, api.limits.message_bytes, asked.health)
@@ -183,8 +194,6 @@ fn grpc_app(asked: &Asked<'_>, config: &Config) -> Result<App, StartError> {
         .on_response(DefaultOnResponse::new().level(Level::DEBUG))
         .on_failure(DefaultOnFailure::new().level(Level::WARN));
     let service = ServiceBuilder::new()
-        // Asked before anything else: whoever asks so has not said who it is.
-        .option_layer(config.cors.for_grpc_web())
         .layer(tonic_web::GrpcWebLayer::new())
         .layer(MapRequestLayer::new(bound_request_id))
         .layer(SetRequestIdLayer::x_request_id(NewRequestId))

@@ -6,14 +6,14 @@ pub(crate) mod open;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub use connections::ConnectionMetrics;
 use feedwave_store::{Observer, Tenant};
 use prometheus::proto::MetricFamily;
 use prometheus::{
-    Encoder, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry,
-    TextEncoder,
+    Counter, Encoder, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts,
+    Registry, TextEncoder,
 };
 
 /// The figures of one server.
@@ -36,6 +36,8 @@ pub struct Metrics {
     pub regenerated_setpoints: IntCounter,
     /// Runs in progress.
     pub active_runs: IntGauge,
+    /// Time that runs spent on what machines are shown to do, s.
+    pub floor_seconds: Counter,
     /// Telemetry samples taken in.
     pub telemetry_samples: IntCounter,
     /// Decisions made durable, by action.
@@ -137,6 +139,10 @@ impl Metrics {
                 "Setpoints generated only to reach the one that was asked for.",
             ),
             active_runs: registrar.gauge("feedwave_active_runs", "Runs in progress."),
+            floor_seconds: registrar.add(Counter::new(
+                "feedwave_floor_seconds_total",
+                "Time that runs spent on what machines are shown to do, in seconds.",
+            )),
             telemetry_samples: registrar.counter("feedwave_telemetry_samples_total", "Telemetry samples taken in."),
             decisions: registrar.counters("feedwave_decisions_total", "Decisions made durable.", &["action"]),
             open_conditions: registrar.gauge("feedwave_open_conditions", "Unacknowledged conditions of runs."),
@@ -210,10 +216,31 @@ impl Metrics {
         text_of(&self.families(Vec::new()))
     }
 
-    /// The figures, and others, by name.
-    pub(crate) fn families(&self, others: Vec<MetricFamily>) -> Vec<MetricFamily> {
+    /// Does a part of what a run does for those who look on, and counts its time.
+    pub(crate) fn showing<R>(&self, work: impl FnOnce() -> R) -> R {
+        let begun = Instant::now();
+        let done = work();
+        self.floor_seconds.inc_by(begun.elapsed().as_secs_f64());
+        done
+    }
+
+    /// The figures, those of the process, and others, by name.
+    pub(crate) fn families(&self, mut others: Vec<MetricFamily>) -> Vec<MetricFamily> {
+        others.extend(process());
         gathered(&self.registry, others)
     }
+}
+
+/// Processor time, memory, descriptors, threads and start of the process, by the names that Prometheus has for them; none where
+/// the system does not tell.
+#[cfg(target_os = "linux")]
+fn process() -> Vec<MetricFamily> {
+    prometheus::core::Collector::collect(&prometheus::process_collector::ProcessCollector::for_self())
+}
+
+#[cfg(not(target_os = "linux"))]
+const fn process() -> Vec<MetricFamily> {
+    Vec::new()
 }
 
 fn gathered(registry: &Registry, others: Vec<MetricFamily>) -> Vec<MetricFamily> {
@@ -328,5 +355,20 @@ mod tests {
         assert!(text.contains("feedwave_active_streams 1"));
         drop(guard);
         assert!(metrics.to_text().contains("feedwave_active_streams 0"));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_process_tells_of_itself_in_the_whole_and_not_to_one_tenant() {
+        let names =
+            |families: &[MetricFamily]| families.iter().map(|family| family.name().to_owned()).collect::<Vec<_>>();
+        let whole = names(&Metrics::new().families(Vec::new()));
+        for name in
+            ["cpu_seconds_total", "resident_memory_bytes", "open_fds", "max_fds", "start_time_seconds", "threads"]
+        {
+            assert!(whole.contains(&format!("process_{name}")), "{name} is not in {whole:?}");
+        }
+        let of_tenant = names(&Metrics::families_of_tenant([("READY", 1)], 0, 0, 0, 0, Vec::new()));
+        assert!(!of_tenant.iter().any(|name| name.starts_with("process_")), "{of_tenant:?}");
     }
 }

@@ -1,11 +1,14 @@
 //! What a live run tells the floor of itself.
 
+use std::sync::Arc;
+
 use feedwave_contract::proto::{Decision, Execution};
 use feedwave_cutting::{PipelineConfig, SetpointBlock};
 use feedwave_monitoring::Monitor;
 use feedwave_store::{RunOverride, RunState};
 
 use crate::floor::{Course, HandedOut, Presence};
+use crate::observability::metrics::Metrics;
 
 /// A live run as the floor sees it.
 #[derive(Debug)]
@@ -13,6 +16,7 @@ pub(super) struct LiveView {
     pub(super) presence: Presence,
     handed_out: HandedOut,
     course: Course,
+    metrics: Arc<Metrics>,
 }
 
 /// How far a run is.
@@ -31,24 +35,25 @@ pub(super) struct Reached<'a> {
 }
 
 impl LiveView {
-    pub(super) fn new(presence: Presence, config: &PipelineConfig) -> Self {
+    pub(super) fn new(presence: Presence, config: &PipelineConfig, metrics: Arc<Metrics>) -> Self {
         let period_s = f64::from(config.interpolation_period_us) * 1e-6;
         Self {
             handed_out: HandedOut::new(&config.profile.machine, config.frame, period_s),
             course: Course::new(period_s, presence.planned_s()),
             presence,
+            metrics,
         }
     }
 
     /// Setpoints were generated.
     pub(super) fn note(&mut self, block: &SetpointBlock) {
-        self.handed_out.note(block);
+        self.metrics.showing(|| self.handed_out.note(block));
         self.presence.touch();
     }
 
     /// Decisions became durable.
     pub(super) fn decided(&mut self, decisions: &[Decision]) {
-        self.presence.decided(decisions);
+        self.metrics.showing(|| self.presence.decided(decisions));
     }
 
     /// Tells the floor, where it is time.
@@ -73,8 +78,11 @@ impl LiveView {
     }
 
     fn tell(&mut self, monitor: &Monitor, reached: Reached<'_>) {
-        self.update(monitor, reached);
-        self.presence.tell();
+        let metrics = self.metrics.clone();
+        metrics.showing(|| {
+            self.update(monitor, reached);
+            self.presence.tell();
+        });
     }
 
     fn update(&mut self, monitor: &Monitor, reached: Reached<'_>) {
