@@ -295,6 +295,12 @@ impl Block {
             && !self.has_failed
     }
 
+    /// Its words and assignments, without a line number.
+    pub(crate) fn word_count(&self) -> u32 {
+        let words = (self.letters & !letter_bit(b'N')).count_ones() + self.groups.count_ones();
+        words + u32::from(!self.machine.is_empty()) + self.assignments.len() as u32
+    }
+
     /// From the first word to the last.
     #[inline]
     pub(crate) const fn span(&self) -> SourceSpan {

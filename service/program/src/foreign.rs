@@ -11,18 +11,25 @@ pub(crate) struct Foreign {
     pub(crate) cure: &'static str,
 }
 
-const fn foreign(what: &'static str, cure: &'static str) -> Foreign {
+pub(crate) const fn foreign(what: &'static str, cure: &'static str) -> Foreign {
     Foreign { what, cure }
 }
 
 const AS_TEXT: &str = "save it as plain text in UTF-8 or ASCII";
-const POST: &str = "let the CAM post write it for the dialect of the machine profile";
-const UPLOAD: &str = "upload the program itself";
+pub(crate) const POST: &str = "let the CAM post write it for the dialect of the machine profile";
+pub(crate) const UPLOAD: &str = "upload the program itself";
 const UNPACK: &str = "unpack it, and upload the program itself";
+
+impl Foreign {
+    pub(crate) const EMPTY: Self = foreign("an empty file", UPLOAD);
+    pub(crate) const COMMENTS: Self = foreign("a file with nothing but comments", UPLOAD);
+    pub(crate) const NUL: Self =
+        foreign("a file of NUL bytes, as a transfer that broke off leaves it", "transfer it again");
+}
 
 const UTF_16: Foreign = foreign("text in UTF-16", AS_TEXT);
 const UTF_32: Foreign = foreign("text in UTF-32", AS_TEXT);
-const BINARY: Foreign =
+pub(crate) const BINARY: Foreign =
     foreign("binary data, such as a program of a conversational control", "upload a program in G-code as plain text");
 const SIEMENS: Foreign = foreign("a program for a SIEMENS SINUMERIK control", POST);
 const HEIDENHAIN: Foreign = foreign("a program for a HEIDENHAIN control", POST);
@@ -110,7 +117,7 @@ fn wide_text(line: &[u8]) -> Option<Foreign> {
 }
 
 /// Much that is no text. Zeros at the ends of a line are the leader of a punched tape.
-fn binary(line: &[u8]) -> Option<Foreign> {
+pub(crate) fn binary(line: &[u8]) -> Option<Foreign> {
     let start = line.iter().position(|&byte| byte != 0)?;
     let end = line.iter().rposition(|&byte| byte != 0)?;
     let line = &line[start..=end];
@@ -130,8 +137,11 @@ fn controls(line: &[u8]) -> Option<Foreign> {
     if starts_with(text, b"%_N_") || starts_with(text, b";$PATH=") {
         return Some(SIEMENS);
     }
+    if text.is_empty() {
+        return None;
+    }
     let block = without_number(text);
-    if is_heidenhain(block) {
+    if is_heidenhain(block, text[0].is_ascii_digit()) {
         return Some(HEIDENHAIN);
     }
     // A name and G70 or G71 behind the per cent sign, and an asterisk at the end, open a HEIDENHAIN program in ISO.
@@ -161,8 +171,8 @@ fn without_number(text: &[u8]) -> &[u8] {
 }
 
 /// The words of a block outside comments and strings: runs of letters, digits and underscores that begin with a letter, each
-/// with the byte behind it and whether a space stood before that.
-fn words(block: &[u8]) -> impl Iterator<Item = (&[u8], Option<u8>)> {
+/// with the offset behind it.
+fn words(block: &[u8]) -> impl Iterator<Item = (&[u8], usize)> {
     let code = block.split(|byte| matches!(byte, b';' | b'(')).next().unwrap_or_default();
     let mut at = 0;
     core::iter::from_fn(move || {
@@ -177,23 +187,16 @@ fn words(block: &[u8]) -> impl Iterator<Item = (&[u8], Option<u8>)> {
         let rest = code.get(at..).filter(|rest| !rest.is_empty())?;
         let length = rest.iter().take_while(|byte| byte.is_ascii_alphanumeric() || **byte == b'_').count();
         at += length;
-        let behind = block[at..].iter().copied().find(|byte| !matches!(byte, b' ' | b'\t'));
-        Some((&rest[..length], behind))
+        Some((&rest[..length], at))
     })
 }
 
+/// Words that programs for SINUMERIK have before axes, and others in their comments.
+const SIEMENS_FRAMES: [&[u8]; 10] =
+    [b"TRANS", b"ATRANS", b"ROT", b"AROT", b"ROTS", b"AROTS", b"MIRROR", b"AMIRROR", b"SCALE", b"ASCALE"];
+
 /// Words that only programs for SINUMERIK have.
-const SIEMENS_WORDS: [&[u8]; 42] = [
-    b"TRANS",
-    b"ATRANS",
-    b"ROT",
-    b"AROT",
-    b"ROTS",
-    b"AROTS",
-    b"MIRROR",
-    b"AMIRROR",
-    b"SCALE",
-    b"ASCALE",
+const SIEMENS_WORDS: [&[u8]; 32] = [
     b"SUPA",
     b"DIAMON",
     b"DIAMOF",
@@ -236,24 +239,54 @@ fn is_siemens(block: &[u8]) -> bool {
         return true;
     }
     let mut before: &[u8] = b"";
-    for (word, behind) in words(block) {
+    for (word, at) in words(block) {
+        let behind = block[at..].iter().copied().find(|byte| !matches!(byte, b' ' | b'\t'));
         let is = |name: &[u8]| word.eq_ignore_ascii_case(name);
         let numbered = |name: &[u8]| {
             starts_with(word, name) && word.len() > name.len() && word[name.len()..].iter().all(u8::is_ascii_digit)
         };
+        let frame = SIEMENS_FRAMES.iter().any(|name| before.eq_ignore_ascii_case(name));
         let named = SIEMENS_WORDS.iter().any(|name| is(name))
+            || frame && is_axis_word(word, behind)
             || numbered(b"CYCLE")
             || (numbered(b"POCKET") || numbered(b"HOLES") || numbered(b"SLOT")) && behind == Some(b'(')
             || (is(b"MSG") || is(b"WORKPIECE") || is(b"LONGHOLE")) && behind == Some(b'(')
             || before.eq_ignore_ascii_case(b"DEF") && SIEMENS_TYPES.iter().any(|kind| starts_with(word, kind));
-        // X=R1, CR=5, S1=1000, T="MILL", LIMS=3000: FANUC assigns to #i and LinuxCNC to #<name> only.
-        let assigns = behind == Some(b'=') && is_siemens_address(word);
-        if named || assigns {
+        // X=R1, X=IC(5), CR=5, S1=1000, T="MILL", LIMS=3000: FANUC assigns to #i and LinuxCNC to #<name> only. X=5 may be a slip of
+        // the pen, and x=y is source code.
+        let value = block[at..].trim_ascii_start().strip_prefix(b"=").unwrap_or_default().trim_ascii_start();
+        let assigns =
+            behind == Some(b'=') && is_siemens_address(word) && (word.len() > 1 || is(b"R") || is_siemens_value(value));
+        if named || assigns && !is_prose(block) {
             return true;
         }
         before = word;
     }
     false
+}
+
+/// Whether a block has several words of letters alone, as a comment has: `T1 D=10. CR=0. FLAT END MILL`.
+fn is_prose(block: &[u8]) -> bool {
+    let is_plain = |&(word, at): &(&[u8], usize)| {
+        let before = at.checked_sub(word.len() + 1).map(|before| block[before]);
+        let is_name = before == Some(b'"') || matches!(block[at..].trim_ascii_start().first(), Some(b'(' | b'='));
+        word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic) && !is_name
+    };
+    words(block).filter(is_plain).count() > 1
+}
+
+/// `X10`, `Z-5`, `X=R1`
+fn is_axis_word(word: &[u8], behind: Option<u8>) -> bool {
+    let is_numbered = word.len() > 1 && word[1..].iter().all(u8::is_ascii_digit);
+    is_numbered || word.len() == 1 && matches!(behind, Some(b'-' | b'+' | b'.' | b'='))
+}
+
+/// `R1`, `IC(5)`, `"MILL"`, `$AA_IW[X]`, `(R1+5)`, with a sign.
+fn is_siemens_value(value: &[u8]) -> bool {
+    let value = value.strip_prefix(b"-").unwrap_or(value);
+    let calls: [&[u8]; 5] = [b"IC(", b"AC(", b"DC(", b"ACP(", b"ACN("];
+    matches!(value, [b'R' | b'r', b'0'..=b'9', ..] | [b'"' | b'$' | b'(', ..])
+        || calls.iter().any(|call| starts_with(value, call))
 }
 
 /// Addresses that take a value with `=`.
@@ -282,7 +315,13 @@ const HEIDENHAIN_BLOCKS: [&[u8]; 14] = [
     b"DEP L",
 ];
 
-fn is_heidenhain(block: &[u8]) -> bool {
+/// Whether there is a word such as `X+10`.
+fn has_signed_word(block: &[u8]) -> bool {
+    block.windows(2).any(|pair| pair[0].is_ascii_alphabetic() && pair[1] == b'+')
+}
+
+/// `is_numbered`: its number has no `N` before it.
+fn is_heidenhain(block: &[u8], is_numbered: bool) -> bool {
     if HEIDENHAIN_BLOCKS.iter().any(|start| starts_with(block, start)) {
         return true;
     }
@@ -302,7 +341,8 @@ fn is_heidenhain(block: &[u8]) -> bool {
             && block.get(length).is_some_and(|byte| *byte == b' ')
     };
     is(b"CC") && axis_behind(2)
-        || is(b"L") && (last || axis_behind(1))
+        // `L X10` may be a slip of the pen.
+        || is(b"L") && (last || axis_behind(1) && (is_numbered || has_signed_word(block)))
         || is(b"C") && last
         || is(b"FN") && block.contains(&b':')
 }
@@ -425,6 +465,14 @@ mod tests {
             "END1",
             "DPRNT[X#100[53]]",
             "POPEN",
+            "T1 D=10. CR=0. - ZMIN=-3. - FLAT END MILL",
+            "G0 X=10.",
+            "X=#5 Z=-3",
+            "L X10 Z5",
+            "L X[#1+2]",
+            "MIRROR PART",
+            "ROT",
+            "THE SCALE IS 2 TO 1",
             "X\u{2212}5",
             "G1 X1 \u{e9}\u{e8}",
             "#3000=1(ROT)",

@@ -249,6 +249,9 @@ impl Interpreter {
         self.state.lines = self.state.lines.saturating_add(1);
         self.state.last_line_bytes = line.len() as u32;
         let number = self.state.lines;
+        if self.state.evidence.goes_on() {
+            return self.look_on(line, number, operations, findings);
+        }
         if self.state.has_ended() {
             return self.report_trailing(line, number, findings);
         }
@@ -264,9 +267,12 @@ impl Interpreter {
         let place = (self.state.place.program, number);
         self.block.parse(line, place, &self.table, self.settings.block_delete, system, findings, &mark);
         if self.block.unclear
-            && let Some(foreign) = foreign::recognise(line, !self.state.readable_seen)
+            && let Some(foreign) = foreign::recognise(line, !self.state.evidence.is_readable())
         {
             return self.refuse_file(foreign, line.len(), number, operations, findings);
+        }
+        if !self.state.evidence.is_settled() && self.is_evidently_foreign(line, operations, findings) {
+            return;
         }
         if self.state.flow.contour.is_some() && self.approach_contour(&mark, findings) {
             return;
@@ -295,7 +301,6 @@ impl Interpreter {
             self.forget_unread_feed();
             return;
         }
-        self.state.readable_seen |= !self.block.unclear;
         self.execute(&mark, operations, findings);
     }
 

@@ -12,6 +12,7 @@ mod compensation;
 mod consequence;
 mod coordinates;
 mod dialect;
+mod evidence;
 mod expression;
 mod finding;
 mod foreign;

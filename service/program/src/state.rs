@@ -11,6 +11,7 @@ pub(crate) use self::turning::{Pockets, SingleCycle, TurningCycle, TurningModes}
 
 use crate::coordinates::Coordinates;
 use crate::dialect::FeedUnit;
+use crate::evidence::Evidence;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
 use crate::parameters::Parameters;
 use crate::{
@@ -36,8 +37,8 @@ pub struct InterpreterState {
     pub(crate) last_line_bytes: u32,
     /// A line with content was examined.
     pub(crate) content_seen: bool,
-    /// A line could be read.
-    pub(crate) readable_seen: bool,
+    /// Whether it reads as a program.
+    pub(crate) evidence: Evidence,
     /// Letters of modal words that could not be read and have not been since, one bit each.
     pub(crate) unread: u32,
     /// A leading `%` was read.
@@ -367,7 +368,7 @@ impl InterpreterState {
             after_return: false,
             last_line_bytes: 0,
             content_seen: false,
-            readable_seen: false,
+            evidence: Evidence::default(),
             unread: 0,
             percent_seen: false,
             skipping_line: false,

@@ -9,6 +9,7 @@ use crate::expression::{
 use crate::interpreter::System;
 use crate::lexer::{Token, TokenKind};
 use crate::number::Number;
+use crate::state::InterpreterState;
 use crate::{Finding, FindingCode, FindingLog, code};
 
 /// Assignments of one line: each value is looked for among those before it.
@@ -62,6 +63,15 @@ fn code_number(value: f64) -> f64 {
     if (value * 10.0 - tenths).abs() < 10.0 * WHOLE_TOLERANCE { tenths / 10.0 } else { value }
 }
 
+/// Whether nothing is in force that a word of this letter could leave as it is.
+fn is_wanted(letter: u8, state: &InterpreterState) -> bool {
+    match letter {
+        b'F' => state.feed == 0.0 && state.thread.lead_mm.is_none(),
+        b'S' => state.rev_per_min == 0.0 && state.m_per_min == 0.0,
+        _ => false,
+    }
+}
+
 impl Block {
     /// Reads an assignment or a word with an expression.
     #[cold]
@@ -103,6 +113,7 @@ impl Block {
         match result {
             Ok(Some(number)) => self.add_word(Token { kind: TokenKind::Word, number, ..token }, table, findings),
             // A vacant value: the word is not there.
+            Ok(None) if is_wanted(token.letter, system.state) => self.refuse_vacant(token, findings),
             Ok(None) => self.note_vacant(token, findings),
             Err(defect) => self.fail(&defect, findings),
         }
@@ -122,6 +133,15 @@ impl Block {
                 .suggest("assign the parameter before, if the word is meant to act")
             });
         }
+    }
+
+    /// Without the word nothing of its kind is in force: what is missing then is missing because of it.
+    fn refuse_vacant(&mut self, token: Token, findings: &mut FindingLog) {
+        self.defect(code::VACANT_WORD_REFUSED, token, findings, |mut finding| {
+            let letter = char::from(token.letter);
+            finding.message = format!("the value of {letter} is vacant, and no {letter} before it is in force");
+            finding.suggest("assign the parameter before")
+        });
     }
 
     fn made(&self, assignment: Assignment) -> Made {

@@ -11,8 +11,8 @@ crate::finding_codes! {
         example: lathe("G0 X[#1+]"),
     }
 
-    "PRG-VACANT-WORD" [VACANT_WORD: Warning] {
-        meaning: "a word whose value is vacant, so that it is not there",
+    "PRG-VACANT-WORD" [VACANT_WORD_REFUSED: Error, VACANT_WORD: Warning] {
+        meaning: "a word whose value is vacant, so that it is not there; an error for the first feed or speed",
         cause: "The parameter was never assigned, or is #0: in Macro B a word of a vacant value is ignored. F, G, M, S and T are named, \
               since what they switch stays as it was; axis words are left out so on purpose.",
         cure: "Assign the parameter before, or remove the word.",

@@ -6,8 +6,9 @@ crate::finding_codes! {
 
     "PRG-NOT-A-PROGRAM" [NOT_A_PROGRAM: Error] {
         meaning: "the file is no program of this language; nothing else of it is reported",
-        cause: "A picture, an archive, a model, text in UTF-16 or a program for another control (SINUMERIK, \
-              HEIDENHAIN) was sent.",
+        cause: "A picture, an archive, a model, a drawing, a table, text (also in UTF-16) or a program for another control (SINUMERIK, \
+              HEIDENHAIN) was sent, or a file with nothing but comments or NUL bytes. Text is told from a program with mistakes by \
+              what its beginning holds: next to no words of the language.",
         cure: "Let the CAM post write the program for the dialect of the machine profile, and send it as plain text in \
               UTF-8 or ASCII.",
         example: lathe("{\"program\": \"O1\"}"),

@@ -169,6 +169,13 @@ impl FindingLog {
         }
     }
 
+    /// Takes back the findings that `is_void` says, and all that were only counted.
+    pub(crate) fn forget(&mut self, is_void: impl Fn(&Finding) -> bool) {
+        let findings = core::mem::take(&mut self.findings);
+        *self = Self::with_limit(self.limit);
+        findings.into_iter().filter(|finding| !is_void(finding)).for_each(|finding| self.push(finding));
+    }
+
     fn knows_more(&self) -> bool {
         self.order.len() < self.limit.saturating_mul(KNOWN_PER_KEPT)
     }

@@ -37,7 +37,6 @@ impl Interpreter {
         let made = core::mem::take(&mut self.block.assignments);
         if !made.is_empty() {
             self.state.phase = Phase::Blocks;
-            self.state.readable_seen = true;
         }
         let mut has_ended = false;
         for made in &made {

@@ -332,13 +332,16 @@ impl Interpreter {
         self.state.nurbs = None;
         self.state.reported.trailing = true;
         if !self.state.has_ended() {
-            self.end(span, operations, findings);
+            self.state.evidence.go_on();
+            self.close(span, operations, findings);
         }
     }
 
     /// Goes to a line.
     pub(super) fn go_to(&mut self, mark: Mark) {
         self.state.flow.has_jumped = true;
+        // What can be carried out so is a program, and its lines are read again.
+        self.state.evidence.settle();
         self.state.place = mark.place;
         self.state.lines = mark.lines;
         self.state.after_return = false;

@@ -27,6 +27,46 @@ impl Interpreter {
         true
     }
 
+    /// Counts what the present block says of the file; whether that is enough to refuse it, which is then reported.
+    #[cold]
+    pub(super) fn is_evidently_foreign(
+        &mut self,
+        line: &[u8],
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        let (block, evidence, number) = (&self.block, &mut self.state.evidence, self.state.lines);
+        if block.unclear || block.rest.is_some() || block.is_empty() && block.assignments.is_empty() {
+            evidence.add(number, line);
+        } else {
+            evidence.add_block(number, line.len(), block.word_count());
+        }
+        let verdict = evidence.verdict();
+        verdict.map(|foreign| self.refuse_text(foreign, operations, findings)).is_some()
+    }
+
+    /// Counts what a line says of the file behind the place where the program was given up.
+    #[cold]
+    pub(super) fn look_on(
+        &mut self,
+        line: &[u8],
+        number: u32,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) {
+        self.state.evidence.add(number, line);
+        if let Some(foreign) = self.state.evidence.verdict() {
+            self.refuse_text(foreign, operations, findings);
+        }
+    }
+
+    /// Reports that the file does not read as a program.
+    #[cold]
+    fn refuse_text(&mut self, foreign: Foreign, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let (line, length) = self.state.evidence.first;
+        self.refuse_file(foreign, length as usize, line.max(1), operations, findings);
+    }
+
     /// Reports that the file is no program, in place of everything found in it before, and ends it.
     #[cold]
     pub(super) fn refuse_file(
@@ -37,7 +77,8 @@ impl Interpreter {
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
     ) {
-        findings.withdraw(0, |finding| code::is_of_language(finding.code));
+        self.state.evidence.settle();
+        findings.forget(|finding| code::is_of_language(finding.code));
         let span = SourceSpan { program: self.state.place.program, line, column: 1, length: length as u32 };
         findings.push_with(code::NOT_A_PROGRAM, |code| {
             let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
@@ -45,11 +86,21 @@ impl Interpreter {
         });
         self.state.nurbs = None;
         self.state.reported.trailing = true;
-        self.end(span, operations, findings);
+        if !self.state.has_ended() {
+            self.close(span, operations, findings);
+        }
     }
 
     /// Ends the program at this place.
     pub(super) fn end(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        match self.state.evidence.verdict_at_end() {
+            Some(foreign) => self.refuse_text(foreign, operations, findings),
+            None => self.close(span, operations, findings),
+        }
+    }
+
+    /// Ends the program at this place, whatever the file is.
+    pub(super) fn close(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         if let Some(nurbs) = self.state.nurbs.take() {
             findings.push_with(code::NURBS_UNFINISHED, |code| {
                 Finding::new(code, nurbs.span, "the program ends before this NURBS is closed")
@@ -73,6 +124,11 @@ impl Interpreter {
     /// Ends the program where its input ends.
     pub(super) fn finish(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         if self.state.has_ended() {
+            if self.state.evidence.goes_on()
+                && let Some(foreign) = self.state.evidence.verdict_at_end()
+            {
+                self.refuse_text(foreign, operations, findings);
+            }
             return;
         }
         if self.ends_called_file(operations, findings) {
@@ -92,6 +148,9 @@ impl Interpreter {
 
     /// Says once that there is text after the end; blanks and a closing `%` belong there.
     pub(super) fn report_trailing(&mut self, line: &[u8], number: u32, findings: &mut FindingLog) {
+        if self.state.reported.trailing {
+            return;
+        }
         if self.state.flow.has_jumped() || self.begins_program(line) {
             // Further programs and blocks, which are read where they are called.
             self.state.reported.trailing = true;

@@ -21,7 +21,7 @@ impl Interpreter {
                 return LineOutcome::Consumed(1);
             }
         }
-        if self.state.skipping_line || self.state.reported.trailing {
+        if self.state.skipping_line || self.state.reported.trailing && !self.state.evidence.goes_on() {
             return self.skip_line(input, end_of_input, operations, findings);
         }
         let longest = self.settings.max_line_bytes as usize;
@@ -33,12 +33,15 @@ impl Interpreter {
             }
             None if input.len() > longest => {
                 let line = self.state.lines.saturating_add(1);
-                if !self.state.readable_seen
+                if !self.state.evidence.is_readable()
                     && !self.state.has_ended()
                     && let Some(foreign) = foreign::recognise(window, true)
                 {
                     self.refuse_file(foreign, window.len(), line, operations, findings);
                     return LineOutcome::Consumed(input.len());
+                }
+                if !self.state.evidence.is_settled() {
+                    self.state.evidence.add(line, window);
                 }
                 self.report_long_line(window, findings);
                 self.state.skipping_line = true;

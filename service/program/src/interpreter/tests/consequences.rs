@@ -17,6 +17,15 @@ fn modal_words_that_could_not_be_read() {
 }
 
 #[test]
+fn a_first_feed_or_speed_without_a_value() {
+    check(&lathe(), "S500 M3\nG1 X1 F#101\nX2", "spindle cw 500\n! 2:7+5 PRG-VACANT-WORD");
+    check(&lathe(), "S#1 M3\nG1 X1 F.1\nG32 Z-5 F2", "! 1:1+3 PRG-VACANT-WORD");
+    check(&lathe(), "S500 M3\nG32 Z-5 F#101", "spindle cw 500\n! 2:9+5 PRG-VACANT-WORD");
+    // What was in force stays so.
+    check(&mill(), "G1 X1 F10\nX2 F#101", "line 0 -> X1 @10/min\nline X1 -> X2 @10/min\nw 2:4+5 PRG-VACANT-WORD");
+}
+
+#[test]
 fn what_does_not_follow_is_said() {
     check(&mill(), "S..\nG1 X1", "! 1:1+3 PRG-NUMBER-INVALID\n! 2:1+5 PRG-FEED-MISSING");
     check(

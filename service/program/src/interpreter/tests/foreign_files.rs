@@ -98,6 +98,119 @@ fn programs_of_other_controls() {
 }
 
 #[test]
+fn text_tables_and_drawings() {
+    let prose = "Dear colleagues,\n\nplease find the drawing of the new shaft in the attachment. It is 12 mm longer\n\
+                 than the old one, and has 2 more grooves of 3 mm.\n\nBest regards\n";
+    check_file(prose, "text", 1);
+    check_file(prose.replace('\n', "\r"), "text", 1);
+    check_file("one two three four five six seven eight", "text", 1);
+    let row = "1.25,0.5,3.75\n12.5,0.25,0.0\n";
+    check_file(format!("time_s,x_mm,z_mm\n{}", row.repeat(20)), "CSV", 1);
+    check_file(row.replace(',', "\t").repeat(3_000), "CSV", 1);
+    let entity = "  0\nLINE\n  5\nA4\n330\n1F\n100\nAcDbEntity\n  8\nCONTOUR\n100\nAcDbLine\n 10\n0.0\n 20\n1.5\n 11\n25.0\n 21\n1.5\n";
+    let drawing = format!("  0\nSECTION\n  2\nENTITIES\n{}  0\nENDSEC\n  0\nEOF\n", entity.repeat(40));
+    check_file(&drawing, "DXF", 1);
+    check_file(drawing.replace('\n', "\r\n"), "DXF", 1);
+    check_file(
+        "import os\nimport sys\nfrom pathlib import Path\n\ndef main():\n    while True:\n        print('G1 X5')\n\nmain()\n",
+        "source code",
+        1,
+    );
+    check_file("#include <stdio.h>\nint main(void) {\n    return printf(\"hello\\n\");\n}\n", "source code", 1);
+    check_file("# Machines\n\n## Lathe\n\n- turns\n- drills holes of 5 mm\n- cuts threads\n", "Markdown", 1);
+    check_file(
+        "# A machine\nIt turns parts of up to 40 mm, and drills holes\n\n## Axes\n- two of them\n",
+        "Markdown",
+        1,
+    );
+    check_file("S = 0\nL = range(5)\nx = y\nfor value in L:\n    print(value, x)\n    S = S + value\n", "text", 1);
+    let tools = "[[tools]]\nnumber = 1\nlength_mm = 120.0\nradius_mm = 5.0\nname = \"end mill\"\n".repeat(4);
+    check_file(tools, "configuration", 1);
+    check_file("solid shaft\nfacet normal 0 0 1\nouter loop\n", "STL", 1);
+    let cyrillic = "\u{41f}\u{440}\u{43e}\u{441}\u{44c}\u{431}\u{430} \u{43d}\u{430}\u{439}\u{442}\u{438} \u{43d}\u{43e}\u{432}\u{44b}\u{439} \
+                    \u{447}\u{435}\u{440}\u{442}\u{451}\u{436} \u{432}\u{430}\u{43b}\u{430}\n";
+    check_file(cyrillic.repeat(3), "text", 1);
+    check_file([b"\n  \n" as &[u8], &[0xe9, b' '].repeat(3_000)].concat(), "binary", 3);
+}
+
+#[test]
+fn a_file_with_nothing_in_it() {
+    for empty in ["", "\n\n", "\u{feff}", " \t\r\n", "%\n%\n"] {
+        check_file(empty, "empty", 1);
+    }
+    check_file("(nothing)\n(yet)\n", "comments", 1);
+    for nul in [&[0; 3][..], &[0; 20_000], &[b'%', b'\n', 0, 0, b'\n', 0, b'\n']] {
+        check_file(nul, "NUL", 1);
+    }
+    // A number, an end, or a block that is deleted, is a program.
+    for program in ["O1000\n", "T#101\n", "DPRNT[X#101[53]]\n", "M30\n", "%\nO1\n%\n", "\0\0\0\0\0%\nM30\n%\n\0\0"] {
+        assert!(!is_refused(program.as_bytes(), mill()), "{program:?}");
+    }
+    assert!(!is_refused(b"/G0 X1\n", LanguageSettings { block_delete: true, ..mill() }));
+}
+
+fn is_refused(program: &[u8], settings: LanguageSettings) -> bool {
+    interpret(program, settings).1.findings().iter().any(|finding| finding.code == code::NOT_A_PROGRAM)
+}
+
+/// Every program of the fixtures and of the reference, with its path.
+fn real_programs() -> Vec<(String, Vec<u8>)> {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/");
+    let mut folders =
+        vec![format!("{root}fixtures").into(), std::path::PathBuf::from(format!("{root}reference/programs"))];
+    let mut programs = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.extension().and_then(std::ffi::OsStr::to_str) {
+                _ if path.is_dir() => folders.push(path),
+                Some("nc" | "ngc") => programs.push((path.display().to_string(), std::fs::read(path).unwrap())),
+                _ => {}
+            }
+        }
+    }
+    assert!(programs.len() > 200, "{}", programs.len());
+    programs
+}
+
+#[test]
+fn a_real_program_is_none_whatever_is_wrong_with_it() {
+    let lines = |program: &str, change: &dyn Fn(usize, &str) -> String| {
+        program.lines().enumerate().map(|(number, line)| change(number, line) + "\n").collect::<String>()
+    };
+    let header =
+        "Shaft 1234 of the customer ACME\nfirst clamping, turn it round behind operation 3\nask Peter for jaws\n";
+    for (path, program) in real_programs() {
+        let text: String =
+            String::from_utf8_lossy(&program).lines().take(200).map(|line| format!("{line}\n")).collect();
+        let headers = if text.lines().count() < 10 { 1 } else { 4 };
+        let damaged = [
+            text.clone(),
+            header.repeat(headers) + &text,
+            text.replace(['(', ')'], ""),
+            text.replace(';', " "),
+            lines(&text, &|_, line| format!("{line} rough it")),
+            lines(&text, &|number, line| if number % 3 == 0 { "@?! §$&".to_owned() } else { line.to_owned() }),
+            text.replace('.', ","),
+            text.replace('0', "O"),
+            text.replace('X', "\u{425}").replace('Y', "\u{423}").replace('G', "\u{413}"),
+            lines(&text, &|_, line| line.to_owned() + &"\0".repeat(5)),
+            text.replace(['\n', ';'], " "),
+            text.replace("X", "X="),
+            lines(&text, &|_, line| format!("L {line}")),
+            lines(&text, &|_, line| format!("{line} MIRROR PART")),
+        ];
+        for (damage, program) in damaged.iter().enumerate() {
+            for settings in [lathe(), mill(), linuxcnc()] {
+                // Damaged loops may be endless.
+                let settings = LanguageSettings { max_executed_blocks: 2_000, ..settings };
+                assert!(!is_refused(program.as_bytes(), settings), "{path}, damage {damage}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_program_with_strange_lines_is_read_on() {
     check(
         &mill(),

@@ -30,7 +30,7 @@ fn line_ends_and_byte_order_mark() {
 
 #[test]
 fn ways_to_end() {
-    assert_eq!(render("", &mill()), "end\nw 1:1+0 PRG-NO-END");
+    assert_eq!(render("", &mill()), "end\n! 1:1+0 PRG-NOT-A-PROGRAM");
     assert_eq!(render("G0 X1\n\n", &mill()), "rapid 0 -> X1\nend\nw 2:1+0 PRG-NO-END");
     // The end of the last line, however it ends.
     for program in ["G0 X1\nX2.5", "G0 X1\nX2.5\n", "G0 X1\r\nX2.5\r\n", "G0 X1\rX2.5\r", "\u{feff}G0 X1\nX2.5"] {
@@ -38,7 +38,8 @@ fn ways_to_end() {
     }
     assert_eq!(render("\u{feff}G0 X1", &mill()), "rapid 0 -> X1\nend\nw 1:6+0 PRG-NO-END");
     assert_eq!(render("%\nG0 X1\n%\n", &mill()), "rapid 0 -> X1\nend");
-    assert_eq!(render("%\n%\n", &mill()), "end");
+    assert_eq!(render("%\n%\n", &mill()), "end\n! 1:1+0 PRG-NOT-A-PROGRAM");
+    assert_eq!(render("%\nO1\n%\n", &mill()), "end");
     assert_eq!(render("%\nG0 X1\nM2\n\n%\n\0\0\n", &mill()), "rapid 0 -> X1\nend");
     assert_eq!(render("M30\n%\n  G0 X1 \nG1 E5\n", &mill()), "end\nw 3:3+5 PRG-TRAILING", "said once, not read");
     assert_eq!(render("%\nG0 X1\n% X5\nX6", &mill()), "rapid 0 -> X1\nend\nw 3:3+2 PRG-TRAILING");
