@@ -84,6 +84,9 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
     format: Format,
     /// In servo-side mode: write what the drives generate, this many setpoints per period [default: the profile's]
+    ///
+    /// The command is divided evenly within each period, as a drive without fine interpolation does it: all of its change of
+    /// velocity falls into one of the parts, where its acceleration shows as many times as there are parts.
     #[arg(long, value_name = "COUNT", num_args = 0..=1, default_missing_value = "0",
         value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SERVO_SUBSTEPS)))]
     servo_substeps: Option<u32>,
@@ -212,8 +215,12 @@ fn write(
     let mut expander =
         substeps.map(|substeps| ServoExpander::new(&config.profile.machine, substeps, config.period_s()));
     let bar: ProgressBar = progress("writing", Unit::Setpoints, to.div_ceil(u64::from(divisor)));
+    let mut command = CommandDifferences::default();
     local::generate(source, config.clone(), |block| {
         bar.inc(block.len() as u64);
+        if divisor > 1 {
+            command.observe(block);
+        }
         let block = expander.as_mut().map_or(block, |expander| expander.expand(block));
         let row = |index: u64| index.saturating_sub(block.first_index).min(block.len() as u64) as usize;
         writer.write(block, row(from)..row(to)).map_err(failed)?;
@@ -225,7 +232,51 @@ fn write(
     if path != Path::new("-") {
         tell(&format!("wrote {} setpoints to {}\n", count(wanted), path.display()));
     }
+    tell(&command.note(config, divisor));
     Ok(())
+}
+
+/// The largest second difference of the command of every axis, over whole interpolation periods.
+#[derive(Debug, Default)]
+struct CommandDifferences {
+    /// The last two commands, older first, and the largest difference.
+    axes: Vec<(Vec<f64>, f64)>,
+}
+
+impl CommandDifferences {
+    fn observe(&mut self, block: &SetpointBlock) {
+        self.axes.resize(block.axes.len(), (Vec::new(), 0.0));
+        for ((last, largest), column) in self.axes.iter_mut().zip(&block.axes) {
+            for &command in column {
+                if let [older, newer] = last[..] {
+                    *largest = f64::max(*largest, (command - 2.0 * newer + older).abs());
+                    last.remove(0);
+                }
+                last.push(command);
+            }
+        }
+    }
+
+    /// What the division of the command makes of its acceleration, where that is beyond a limit; nothing otherwise.
+    fn note(&self, config: &PipelineConfig, parts: u32) -> String {
+        let period_s = config.period_s();
+        let shown = self.axes.iter().zip(&config.profile.machine.axes).map(|((_, difference), axis)| {
+            let shown = f64::from(parts) * difference / (period_s * period_s);
+            (shown / axis.max_acceleration_per_s2, shown, axis)
+        });
+        let Some((_, shown, axis)) = shown.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|worst| worst.0 > 1.0) else {
+            return String::new();
+        };
+        let unit = if axis.axis.is_rotary() { "degrees/s\u{b2}" } else { "mm/s\u{b2}" };
+        format!(
+            "note: the command is divided evenly within each period, so that its acceleration shows up to {parts} times in \
+             one of the parts: {} of {} {unit} on {}. Over whole periods it is within the limits; a drive with fine \
+             interpolation spreads it.\n",
+            count(shown.round() as u64),
+            count(axis.max_acceleration_per_s2.round() as u64),
+            axis.name,
+        )
+    }
 }
 
 /// Draws every picture of a valid program; the files.

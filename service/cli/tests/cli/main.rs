@@ -197,6 +197,30 @@ fn servo_side_writes_conditions_or_what_the_drives_make_of_them() {
 }
 
 #[test]
+fn a_divided_command_is_said_to_show_a_multiple_of_its_acceleration() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.csv");
+    let said = |substeps: &str| {
+        let program = fixture("spec-trap-cured.nc");
+        let output =
+            run(&[&"plan", &program, &"--out", &path, &"--mode", &"servo-side", &"--servo-substeps", &substeps]);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert!(!said("1").contains("divided"));
+    let said = said("4");
+    // The rapid moves take all of the limit.
+    assert!(said.contains("shows up to 4 times") && said.contains("000 mm/s\u{b2} on"), "{said}");
+    // As the setpoints have it.
+    let setpoints = rows(&std::fs::read_to_string(&path).unwrap());
+    let largest = |column: usize| {
+        let bends = setpoints.windows(3).map(|rows| rows[2][column] - 2.0 * rows[1][column] + rows[0][column]);
+        bends.fold(0.0, |largest, bend| f64::max(largest, bend.abs())) / (0.000_25 * 0.000_25)
+    };
+    assert!(f64::max(largest(2), largest(3)) > 30_000.0);
+}
+
+#[test]
 fn a_refused_program_leaves_no_file() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("bad.csv");
