@@ -17,6 +17,8 @@ const MAX_MARKS: usize = 100;
 const LABEL_SPACE: f64 = 0.055;
 /// Space above the highest value.
 const HEADROOM: f64 = 1.15;
+/// The same where a limit is named above its line, as a share of the whole range on both sides of zero.
+const LABELLED_HEADROOM: f64 = 1.35;
 /// A limit up to this many times as large as what is drawn is drawn, too.
 const NEAR_LIMIT: f64 = 2.5;
 
@@ -94,8 +96,10 @@ pub(super) struct DynamicsPicture<'a> {
 impl DynamicsPicture<'_> {
     pub(super) fn figure(&self) -> Figure {
         let dynamics = self.dynamics;
+        let superposed =
+            if self.curves.is_superposed() { "these curves are without what is superposed \u{b7} " } else { "" };
         let subtitle = format!(
-            "{} \u{b7} along the path, without vibration \u{b7} setpoints every {} ms \u{b7} limits are those of single \
+            "{} \u{b7} as commanded along the path \u{b7} {superposed}setpoints every {} ms \u{b7} limits are those of single \
              linear axes: along several at once the path may have more",
             self.program,
             dynamics.period_s * 1e3
@@ -182,6 +186,7 @@ pub(super) fn both_limits(panel: &mut Panel, ink: &Ink, limits: &[(f64, String)]
 fn about_zero(series: &Series, limits: &[(f64, String)]) -> Range<f64> {
     let largest = series.extent().map_or(0.0, |(low, high)| high.max(-low));
     let near = limits.iter().map(|limit| limit.0).filter(|limit| *limit <= NEAR_LIMIT * largest);
-    let largest = (near.fold(largest, f64::max) * HEADROOM).max(1e-3);
+    let highest = near.fold(0.0, f64::max);
+    let largest = (largest * HEADROOM).max(highest * LABELLED_HEADROOM).max(1e-3);
     -largest..largest
 }

@@ -135,6 +135,11 @@ impl MotionCurves {
         if self.oscillates { "oscillating" } else { "vibrating" }
     }
 
+    /// Whether anything is superposed on the motion along the path.
+    pub(super) const fn is_superposed(&self) -> bool {
+        !self.vibrating_spans.is_empty()
+    }
+
     /// Colours the times in which the tool vibrates.
     pub(super) fn shade_vibrating(&self, panel: &mut Panel) {
         panel.shade(&Ink::fill(self.doing(), theme::VIBRATION, 0.15), self.vibrating_spans.iter().copied());

@@ -239,6 +239,45 @@ fn a_picture_has_title_axes_with_units_and_legend() {
 }
 
 #[test]
+fn vibrating_cuts_are_seen_under_plain_ones_and_rapids_stay_dashed() {
+    let (start, end) = ([10.0, 0.0, 2.0], [10.0, 0.0, -8.0]);
+    let mut trace = PathTrace::default();
+    for (x, stretch) in [(12.0, Stretch::VibratingThread), (11.0, Stretch::Threading)] {
+        trace.line(Stretch::Rapid, [20.0, 0.0, 2.0], [x, 0.0, 2.0]);
+        trace.line(stretch, start, end);
+        trace.line(Stretch::Rapid, [x, 0.0, -8.0], [20.0, 0.0, -8.0]);
+    }
+    let figure = super::ToolPathPicture { program: "thread.nc", trace: &trace, turning: true }.figure();
+    let layers = &super::layout::panels(&figure.body)[0].layers;
+    let width = |name: &str| {
+        let layer = layers.iter().find(|layer| layer.ink.name == name).unwrap();
+        let super::theme::Mark::Line { width } = layer.ink.mark else { panic!("{name}") };
+        width
+    };
+    // At least a pixel and a half on either side.
+    assert!(width("threading with vibration") >= width("threading") + 3.0);
+    let rapids: Vec<_> = layers.iter().filter(|layer| layer.ink.name == "rapid moves").collect();
+    let points: Vec<_> = rapids
+        .iter()
+        .filter_map(|layer| if let super::figure::Shape::Path(points) = &layer.shape { Some(points) } else { None })
+        .collect();
+    let at = |z: f64| points.iter().filter(|line| line.iter().all(|place| place.0 == z)).count();
+    assert_eq!((at(2.0), at(-8.0)), (1, 1), "{points:?}");
+}
+
+#[test]
+fn motion_says_what_its_curves_are_without() {
+    let subtitle = |plots: Plots| plots.figures().into_iter().find(|figure| figure.name == "motion").unwrap().subtitle;
+    let plain = subtitle(Plots::new("empty.nc", false, axes(&["X", "Z"]), 1e-3, 1e-3));
+    assert!(plain.contains("as commanded") && !plain.contains("superposed") && !plain.contains("vibration"), "{plain}");
+    let vibrating = subtitle(plots());
+    assert!(
+        vibrating.contains("without what is superposed") && !vibrating.contains("without vibration"),
+        "{vibrating}"
+    );
+}
+
+#[test]
 fn feeds_are_scaled_for_the_cuts() {
     let figures = plots().figures();
     let feed = figures.iter().find(|figure| figure.name == "feed").unwrap();

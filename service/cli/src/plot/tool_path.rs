@@ -32,14 +32,17 @@ const FROM_FRONT: View = View { title: "from the front", right: (0, "X"), up: (2
 /// Space around what is cut, in which rapids are shown, as a share of its larger side.
 const MARGIN_SHARE: f64 = 0.25;
 
+/// Width of what vibrates: it is seen on both sides of a plain cut along the same path, such as the last pass of a thread.
+const WIDE: f64 = 7.0;
+
 /// What a stretch is drawn with.
 fn ink(stretch: Stretch) -> Ink {
     match stretch {
         Stretch::Cutting => Ink::line("cutting", theme::COMMAND, 2.2),
-        Stretch::Vibrating => Ink::line("cutting with vibration along the path", theme::VIBRATION, 3.4),
-        Stretch::Oscillating => Ink::line("cutting with an oscillating tool", theme::PALETTE[4], 3.4),
+        Stretch::Vibrating => Ink::line("cutting with vibration along the path", theme::VIBRATION, WIDE),
+        Stretch::Oscillating => Ink::line("cutting with an oscillating tool", theme::PALETTE[4], WIDE),
         Stretch::Threading => Ink::line("threading", theme::PALETTE[5], 2.2),
-        Stretch::VibratingThread => Ink::line("threading with vibration", theme::PALETTE[3], 3.4),
+        Stretch::VibratingThread => Ink::line("threading with vibration", theme::PALETTE[3], WIDE),
         Stretch::Rapid => Ink::dashed("rapid moves", theme::MUTED, 1.5),
         Stretch::Unknown => Ink::dashed("swung by the rotary axes: only the ends are known", theme::BAD, 1.2),
     }
@@ -138,7 +141,8 @@ impl ToolPathPicture<'_> {
     }
 }
 
-/// Every segment of some lines once and in one sense: dashes that go over each other are a solid line.
+/// Every segment of some lines once and in one sense, and those along an axis that overlap as one: dashes that go over each
+/// other are a solid line.
 fn once(lines: impl Iterator<Item = Vec<Place>>) -> Vec<Vec<Place>> {
     let before = |a: &Place, b: &Place| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).is_le();
     let mut drawn = HashSet::new();
@@ -147,11 +151,31 @@ fn once(lines: impl Iterator<Item = Vec<Place>>) -> Vec<Vec<Place>> {
         for pair in line.windows(2) {
             let (from, to) = if before(&pair[0], &pair[1]) { (pair[0], pair[1]) } else { (pair[1], pair[0]) };
             if drawn.insert([from.0, from.1, to.0, to.1].map(f64::to_bits)) {
-                segments.push(vec![from, to]);
+                segments.push([from, to]);
             }
         }
     }
-    segments
+    let swap = |[from, to]: [Place; 2]| [from, to].map(|(a, b)| (b, a));
+    let upright = joined(segments);
+    joined(upright.into_iter().map(swap).collect()).into_iter().map(|segment| swap(segment).to_vec()).collect()
+}
+
+/// Segments of which the upright ones that touch or overlap are one, which goes upwards.
+fn joined(segments: Vec<[Place; 2]>) -> Vec<[Place; 2]> {
+    let (mut upright, mut joined): (Vec<_>, Vec<_>) = segments.into_iter().partition(|[from, to]| from.0 == to.0);
+    for segment in &mut upright {
+        segment.sort_by(|a, b| a.1.total_cmp(&b.1));
+    }
+    upright.sort_by(|[a, _], [b, _]| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    for [from, to] in upright {
+        match joined.last_mut() {
+            Some([first, last]) if first.0 == last.0 && first.0 == from.0 && from.1 <= last.1 => {
+                last.1 = last.1.max(to.1)
+            }
+            _ => joined.push([from, to]),
+        }
+    }
+    joined
 }
 
 /// Whether two places are one for the eye.
