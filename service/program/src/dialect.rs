@@ -170,11 +170,6 @@ impl Dialect {
         (0..26).filter(|&place| axis_at(place).is_some_and(placed)).fold(0, |mask, place| mask | 1 << place)
     }
 
-    /// Whether it has tool centre point control, without which nothing is thinned.
-    fn has_tool_control(&self) -> bool {
-        self.g_codes().any(|code| matches!(code.meaning, Meaning::ToolControl { .. }))
-    }
-
     /// Mask of the letters that name an axis.
     fn axis_letters(&self) -> u32 {
         let names_axis = |letter: &Letter| matches!(letter, Letter::Axis(_) | Letter::Increment(_));

@@ -118,5 +118,5 @@ pub fn machine_code_problems(language: &LanguageSettings) -> Vec<(String, String
 /// Whether the dialect or a machining function has this M code, so that a profile cannot list it.
 fn is_taken(dialect: DialectName, language: &LanguageSettings, number: u32) -> bool {
     let number = f64::from(number);
-    dialect.knows_m_code(number) || number == language.thinning.on || number == language.thinning.off
+    dialect.knows_m_code(number) || language.thinning.is_some_and(|codes| number == codes.on || number == codes.off)
 }

@@ -189,8 +189,9 @@ pub struct LanguageSettings {
     pub path_vibration: FunctionCodes,
     /// Codes of the oscillation of a rotary tool.
     pub tool_oscillation: FunctionCodes,
-    /// M codes of the thinning of five-axis blocks, which `G43.4 P1` and `G43.4 P0` switch as well.
-    pub thinning: FunctionCodes,
+    /// M codes of the thinning of five-axis blocks, which `G43.4 P1` and `G43.4 P0` switch as well. None where the dialect or the
+    /// machine has no tool centre point control: they are then M codes of the machine like others.
+    pub thinning: Option<FunctionCodes>,
     /// M codes that the machine carries out itself.
     pub machine_codes: Vec<MachineCode>,
     /// M codes that neither the dialect nor `machine_codes` lists.
@@ -251,7 +252,7 @@ impl Default for LanguageSettings {
             block_delete: false,
             path_vibration: FunctionCodes { on: 200.0, off: 201.0 },
             tool_oscillation: FunctionCodes { on: 202.0, off: 203.0 },
-            thinning: FunctionCodes { on: 33.0, off: 34.0 },
+            thinning: None,
             machine_codes: Vec::new(),
             unlisted_machine_codes: UnlistedMachineCodes::Note,
             input_result: -1.0,
@@ -284,6 +285,7 @@ impl LanguageSettings {
             dialect: DialectName::Mill,
             x_word: XWord::Radius,
             initial_feed_mode: FeedMode::PerMinute,
+            thinning: Some(FunctionCodes { on: 33.0, off: 34.0 }),
             ..Self::default()
         }
     }
@@ -291,7 +293,7 @@ impl LanguageSettings {
     /// Default settings of LinuxCNC: `linuxcnc` dialect, radius X, feed per minute, dwell in seconds.
     #[must_use]
     pub fn linuxcnc() -> Self {
-        Self { dialect: DialectName::LinuxCnc, dwell_p_unit: DwellUnit::Seconds, ..Self::mill() }
+        Self { dialect: DialectName::LinuxCnc, dwell_p_unit: DwellUnit::Seconds, thinning: None, ..Self::mill() }
     }
 
     /// What machine coordinates are more than work coordinates before the first block: the work offset of `G54`, and

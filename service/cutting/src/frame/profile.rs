@@ -125,7 +125,8 @@ impl MachineProfile {
     /// A generic three-axis mill.
     #[must_use]
     pub fn mill() -> Self {
-        Self { language: LanguageSettings::mill(), machine: Machine::mill(), ..Self::lathe() }
+        let language = LanguageSettings { thinning: None, ..LanguageSettings::mill() };
+        Self { language, machine: Machine::mill(), ..Self::lathe() }
     }
 
     /// Everything that makes the profile unusable, each with the path of the field; empty when it is valid.
@@ -288,7 +289,7 @@ fn code_problems(language: &LanguageSettings, problems: &mut Vec<ProfileProblem>
     if switch.on_p == switch.off_p {
         problems.push(problem("thread_vibration.off_p", "must differ from the word that switches it on"));
     }
-    let codes = language.thinning;
+    let Some(codes) = language.thinning else { return };
     for (field, code) in [("thinning.on", codes.on), ("thinning.off", codes.off)] {
         let tenths = code * 10.0;
         if !((0.0..1_000.0).contains(&code) && (tenths - tenths.round()).abs() < 1e-6) {
@@ -405,7 +406,7 @@ mod tests {
         profile.language.turning.escape_mm = Some(f64::NAN);
         profile.language.turning.thread_chamfer_tenths = Some(128);
         profile.language.work_offsets[2][1] = f64::NAN;
-        profile.language.thinning = FunctionCodes { on: 8.0, off: f64::NAN };
+        profile.language.thinning = Some(FunctionCodes { on: 8.0, off: f64::NAN });
         profile.thinning.group_blocks = 2;
         profile.vibration.max_amplitude_mm = 11.0;
         profile.vibration.servo_substeps = 0;

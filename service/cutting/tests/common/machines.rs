@@ -6,7 +6,7 @@ use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{
     BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Setup, ToolPose, Wrap,
 };
-use feedwave_program::{Axis, ToolOffset};
+use feedwave_program::{Axis, LanguageSettings, ToolOffset};
 
 use super::Setpoints;
 
@@ -71,6 +71,7 @@ pub fn config_of(kinematics: KinematicsDescription) -> PipelineConfig {
     for axis in kinematics.chain.iter().filter(|axis| axis.axis.is_rotary()) {
         profile.machine.axes.push(MachineAxis::new(axis.axis, 120.0, 600.0, 20_000.0));
     }
+    profile.language.thinning = LanguageSettings::mill().thinning;
     profile.kinematics = Some(kinematics);
     profile.language.work_offsets[0][..3].copy_from_slice(&[30.0, -40.0, 55.0]);
     assert_eq!(profile.problems(), []);

@@ -4,7 +4,7 @@ use feedwave_cutting::{MachineProfile, PipelineConfig, Tool};
 use feedwave_motion::MachineAxis;
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
-use feedwave_program::{Axis, ToolOffset};
+use feedwave_program::{Axis, LanguageSettings, ToolOffset};
 
 pub const LENGTH_MM: f64 = 120.0;
 
@@ -36,6 +36,7 @@ pub fn config() -> PipelineConfig {
     for axis in &mut profile.machine.axes {
         axis.max_velocity_step_per_s = if axis.axis.is_rotary() { 0.2 } else { 5.0 };
     }
+    profile.language.thinning = LanguageSettings::mill().thinning;
     profile.kinematics = Some(trunnion());
     assert_eq!(profile.problems(), []);
     let tools = vec![Tool { number: 1, offset: ToolOffset::new(1).with_length(LENGTH_MM), ..Tool::default() }];

@@ -12,7 +12,7 @@ use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, su
 use feedwave_motion::kinematics::{
     BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Setup, ToolPose, Wrap,
 };
-use feedwave_program::{Axis, TiltedPlane, ToolOffset};
+use feedwave_program::{Axis, LanguageSettings, TiltedPlane, ToolOffset};
 use proptest::prelude::*;
 
 const LENGTH_MM: f64 = 120.0;
@@ -46,6 +46,7 @@ fn config_of(chain: Vec<ChainAxis>) -> PipelineConfig {
     for axis in chain.iter().filter(|axis| axis.axis.is_rotary()) {
         profile.machine.axes.push(MachineAxis::new(axis.axis, 120.0, 600.0, 20_000.0));
     }
+    profile.language.thinning = LanguageSettings::mill().thinning;
     profile.kinematics = Some(KinematicsDescription {
         chain,
         gauge_point_mm: [0.0, 0.0, 500.0],

@@ -50,7 +50,7 @@ crate::finding_codes! {
         meaning: "thinning without tool centre point control",
         cause: "Thinning of five-axis blocks is switched on, but neither `G43.4` nor `G43.5` is in force.",
         cure: "Switch tool centre point control on first.",
-        example: mill("M33"),
+        example: five_axis("M33"),
     }
 
     "PRG-TOOL-CONTROL-BLOCK" [TOOL_CONTROL_BLOCK: Error] {

@@ -38,8 +38,7 @@ impl CodeTable {
         let functions = function_codes(Function::PathVibration, settings.path_vibration)
             .chain(function_codes(Function::ToolOscillation, settings.tool_oscillation))
             .chain(function_code(settings.thread_vibration.code, thread_vibration));
-        let thins = dialect.has_tool_control();
-        let switches = function_codes(Function::Thinning, settings.thinning).filter(move |_| thins);
+        let switches = settings.thinning.into_iter().flat_map(|codes| function_codes(Function::Thinning, codes));
         let angles = if settings.plain_drawing_words { letter_bit(b'A') | letter_bit(b'C') } else { 0 };
         let mut table = Self {
             dialect,

@@ -9,10 +9,14 @@ use crate::proto;
 
 pub(super) const FUNCTION: Function = Function {
     words_from_proto: |given, language| {
-        language.thinning = codes_from_proto(given.thinning, language.thinning);
+        language.thinning = language.thinning.map(|codes| codes_from_proto(given.thinning, codes));
     },
-    words_to_proto: |language, shown| shown.thinning = Some(codes_to_proto(language.thinning)),
+    words_to_proto: |language, shown| shown.thinning = language.thinning.map(codes_to_proto),
     settings_from_proto: |violations, given, profile| {
+        // Read behind the kinematics.
+        if profile.kinematics.is_none() {
+            profile.language.thinning = None;
+        }
         let settings = given.thinning.unwrap_or_default();
         if let Some(method) = enumeration(violations, "thinning.method", settings.method) {
             profile.thinning = settings_from_proto(&settings, method);

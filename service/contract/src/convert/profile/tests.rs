@@ -104,6 +104,27 @@ fn violations_of_machine_codes_have_their_fields() {
 }
 
 #[test]
+fn codes_of_thinning_are_the_machines_own_without_five_axes() {
+    let listed = |profile: &MachineProfile| {
+        let mut profile = profile_to_proto(profile);
+        let language = profile.language.as_mut().unwrap();
+        language.thinning = Some(proto::FunctionCodes { on: 33.0, off: 34.0 });
+        language.machine_codes = vec![proto::MachineCode { number: 33, ..Default::default() }];
+        from_proto(&profile).map(|profile| profile.language)
+    };
+    for profile in [MachineProfile::mill(), MachineProfile::lathe()] {
+        let language = listed(&profile).unwrap();
+        assert_eq!((language.machine_codes.len(), language.thinning), (1, None));
+        let (_, findings) = feedwave_program::interpret(b"M33\nM34\nM30\n", profile.language);
+        let codes: Vec<_> = findings.findings().iter().map(|finding| finding.code.name()).collect();
+        assert_eq!(codes, ["PRG-MACHINE-CODE"; 2]);
+    }
+    let mut five_axes = five_axis_mill();
+    five_axes.language.thinning = LanguageSettings::mill().thinning;
+    assert_eq!(listed(&five_axes).unwrap_err()[0].0, "profile.language.machine_codes[0].number");
+}
+
+#[test]
 fn unset_fields_have_the_defaults_of_the_machine() {
     for default in [MachineProfile::lathe(), MachineProfile::mill()] {
         let machine = profile_to_proto(&default).machine;

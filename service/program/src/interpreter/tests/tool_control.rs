@@ -23,7 +23,7 @@ fn angles_and_thinning_as_on_the_page() {
     // P is the other switch; switching twice changes nothing.
     check(&mill(), "G43.4 H1 P1\nM33\nG43.4 P0\nM34\nG43.4 P1\nG49", &"Thinning on\nThinning off\n".repeat(2));
     // The codes are the profile's.
-    let settings = LanguageSettings { thinning: crate::FunctionCodes { on: 133.0, off: 134.0 }, ..mill() };
+    let settings = LanguageSettings { thinning: Some(crate::FunctionCodes { on: 133.0, off: 134.0 }), ..mill() };
     check(&settings, "G43.4 H1\nM133\nM134\nM33", "Thinning on\nThinning off\nM33 None\ni 4:1+3 PRG-MACHINE-CODE");
 }
 

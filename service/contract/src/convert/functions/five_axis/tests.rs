@@ -29,7 +29,7 @@ pub(in crate::convert) fn five_axis_mill() -> MachineProfile {
     mill.thinning.interpolated_direction_tolerance_deg = Some(2.5);
     mill.pole_tolerance_deg = 0.5;
     mill.corner_direction_tolerance_deg = 0.25;
-    mill.language.thinning = FunctionCodes { on: 133.0, off: 134.0 };
+    mill.language.thinning = Some(FunctionCodes { on: 133.0, off: 134.0 });
     mill
 }
 
