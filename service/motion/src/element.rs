@@ -378,6 +378,13 @@ impl Element {
         [first, second, third]
     }
 
+    /// Adds the arc lengths between two at which its third derivatives may jump.
+    pub(crate) fn add_breaks(&self, from: f64, to: f64, out: &mut Vec<f64>) {
+        if let Curve::Spline(spline) = &self.curve {
+            spline.add_breaks(from, to, out);
+        }
+    }
+
     /// Largest curvature on the workpiece, 1/mm: 0 for a line and under five-axis motion, r/(r² + p²) for a helix of radius r
     /// that advances p per radian, a close upper bound for a spline.
     #[must_use]

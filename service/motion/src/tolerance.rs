@@ -279,6 +279,8 @@ pub(crate) const CURVE_SNAP_SHARE: f64 = 0.05;
 pub(crate) const SPEED_LIMIT_SHARE: f64 = 0.995;
 /// Largest share of a limit that may be found between those places: the rest is for the steps where elements meet.
 pub(crate) const SPEED_CHECKED_SHARE: f64 = 0.9985;
+/// The share that is permitted at a place where it was exceeded: less than what is found to be too much.
+pub(crate) const SPEED_HELD_SHARE: f64 = 0.998;
 /// Shortest and longest interval between knots of the speed, s. The time grows by a percent where an interval is not much
 /// shorter than the acceleration takes to change; every interval costs a microsecond or two.
 pub(crate) const SPEED_INTERVALS: [f64; 2] = [1e-3, 2e-3];

@@ -360,6 +360,12 @@ impl Spline {
         core::array::from_fn(|order| core::array::from_fn(|axis| by_axis[axis][order]))
     }
 
+    /// Adds the arc lengths between two where polynomials meet: third derivatives may jump there.
+    pub(super) fn add_breaks(&self, from: f64, to: f64, out: &mut Vec<f64>) {
+        let first = self.pieces.partition_point(|piece| piece.start <= from);
+        out.extend(self.pieces[first..].iter().map(|piece| piece.start).take_while(|&start| start < to));
+    }
+
     /// Smallest and largest position of an axis.
     pub(super) fn extent(&self, axis: Axis) -> [f64; 2] {
         let (mut highest, mut lowest) = (f64::NEG_INFINITY, f64::NEG_INFINITY);

@@ -28,8 +28,8 @@ pub enum Origin {
 /// How far a piece of the path that is run is from the programmed path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Deviation {
-    /// Largest distance between places that belong to each other, mm, at the places that were examined. Where blocks were merged
-    /// into lines first, the sum of both, which bounds it.
+    /// Largest distance between places that belong to each other, mm: in one curve over many blocks, and where blocks were merged into
+    /// lines first, an upper bound of it; at a corner with an arc, at the places that were examined.
     pub largest_mm: f64,
     /// Arc length along the element where it is, mm.
     pub at_mm: f64,

@@ -4,13 +4,14 @@ use std::ops::Range;
 
 use super::course::Governor;
 use super::path::{Derivatives, Path};
-use super::problem::{Knots, basis};
+use super::problem::{Basis, Knots};
 use super::ramp::Ramp;
-use crate::tolerance::{SPEED_CHECKED_SHARE, SPEED_LIMIT_SHARE, SPEED_SIDE};
+use super::samples::Samples;
+use crate::tolerance::{SPEED_CHECKED_SHARE, SPEED_LIMIT_SHARE};
 
 /// Least part of b at the ends of an interval that it falls to within: 3 % of the speed.
 const LEAST_SQUARE: f64 = 1e-3;
-/// Places of an interval that are examined, beside its start.
+/// Places of a ramp that are examined, beside its start.
 const PLACES: usize = 8;
 
 /// What the axes do at a place, as shares of their limits: the largest of velocity, acceleration and jerk.
@@ -28,49 +29,43 @@ fn shares(path: &Path<'_>, derivatives: &[Derivatives], [b, slope, second]: [f64
     largest
 }
 
-/// b and its derivatives in an interval, `x` from its start.
-fn state(knots: &Knots, c: &[f64], index: usize, x: f64) -> [f64; 3] {
-    basis(knots, index, x).map(|row| row[0] * c[index] + row[1] * c[index + 1] + row[2] * c[index + 2])
-}
-
-/// The largest share of a limit in each of these intervals, and its place from 0 to 1; whether all are within what
-/// junctions leave of their limits.
+/// The largest share of a limit in each of these intervals, and the place where it is; whether all are within what junctions leave of
+/// their limits.
 pub(super) fn worst(
-    path: &Path<'_>,
+    (path, samples): (&Path<'_>, &Samples),
     knots: &Knots,
     c: &[f64],
-    (left, worst): (&[f64], &mut [(f64, f64)]),
+    (left, worst): (&[f64], &mut [(f64, usize)]),
     range: Range<usize>,
 ) -> bool {
-    let mut derivatives = vec![[0.0; 3]; path.axes.len()];
     let mut keeps = true;
     for index in range {
         let left = left[index];
-        let (from, h) = (knots.0[index], knots.0[index + 1] - knots.0[index]);
-        let mut largest = (0.0_f64, 0.5);
-        // A small bend may lie between places in equal parts.
-        let bends = path.middles_between(from, from + h).map(|s| (s - from) / h);
-        for share in (0..=PLACES).map(|place| place as f64 / PLACES as f64).chain(bends) {
-            path.derivatives(from + h * share.clamp(SPEED_SIDE, 1.0 - SPEED_SIDE), &mut derivatives);
-            let state = state(knots, c, index, h * share);
+        let h = knots.0[index + 1] - knots.0[index];
+        let [b, slope, second] = Basis::of(knots, index).state(&c[index..]);
+        let [_, middle, _] = samples.held(index);
+        let mut largest = (0.0_f64, middle);
+        for place in samples.of(index) {
+            let x = h * samples.share(place);
+            let state = [b + x * (slope + 0.5 * x * second), slope + x * second, second];
             let moves = state[0] > 0.0;
             if !moves {
-                largest = (f64::INFINITY, share);
+                largest = (f64::INFINITY, place);
                 break;
             }
-            let [velocity, acceleration, jerk] = shares(path, &derivatives, state);
+            let [velocity, acceleration, jerk] = shares(path, samples.derivatives(place), state);
             let ratio = velocity.max(acceleration.max(jerk) / left);
             if ratio > largest.0 {
-                largest = (ratio, share);
+                largest = (ratio, place);
             }
         }
         // Between the places b could fall below zero where it bends upwards: the path would turn back.
-        let [b, slope, second] = state(knots, c, index, 0.0);
         let lowest = if second > 0.0 { (-slope / second).max(0.0).min(h) } else { h };
         let at_lowest = b + lowest * (slope + 0.5 * lowest * second);
-        let stays_positive = at_lowest > LEAST_SQUARE * b.min(state(knots, c, index, h)[0]);
+        let at_end = b + h * (slope + 0.5 * h * second);
+        let stays_positive = at_lowest > LEAST_SQUARE * b.min(at_end);
         if !stays_positive {
-            largest = (f64::INFINITY, 0.5);
+            largest = (f64::INFINITY, middle);
         }
         keeps &= largest.0 <= SPEED_CHECKED_SHARE;
         worst[index] = largest;
@@ -100,10 +95,10 @@ pub(super) fn ramp(path: &Path<'_>, end: usize, ramp: Ramp) -> f64 {
 
 /// What governs each interval.
 pub(super) struct Governors<'a> {
-    path: &'a Path<'a>,
-    knots: &'a Knots,
-    c: &'a [f64],
-    derivatives: Vec<Derivatives>,
+    pub(super) path: &'a Path<'a>,
+    pub(super) samples: &'a Samples,
+    pub(super) knots: &'a Knots,
+    pub(super) c: &'a [f64],
 }
 
 /// A speed within this share of the commanded one is at it.
@@ -111,24 +106,22 @@ const AT_COMMAND: f64 = 0.999;
 /// Share of an acceleration that is most of it.
 const MOSTLY: f64 = 0.7;
 
-impl<'a> Governors<'a> {
-    pub(super) fn new(path: &'a Path<'a>, knots: &'a Knots, c: &'a [f64]) -> Self {
-        Self { path, knots, c, derivatives: vec![[0.0; 3]; path.axes.len()] }
-    }
-
-    pub(super) fn of(&mut self, index: usize) -> Governor {
+impl Governors<'_> {
+    pub(super) fn of(&self, index: usize) -> Governor {
         let (from, to) = (self.knots.0[index], self.knots.0[index + 1]);
-        let h = to - from;
-        self.path.derivatives(from + 0.5 * h, &mut self.derivatives);
-        let state = state(self.knots, self.c, index, 0.5 * h);
-        let [velocity, acceleration, jerk] = shares(self.path, &self.derivatives, state);
+        let x = 0.5 * (to - from);
+        let [_, middle, _] = self.samples.held(index);
+        let derivatives = self.samples.derivatives(middle);
+        let [b, slope, second] = Basis::of(self.knots, index).state(&self.c[index..]);
+        let state = [b + x * (slope + 0.5 * x * second), slope + x * second, second];
+        let [velocity, acceleration, jerk] = shares(self.path, derivatives, state);
         let fastest = state[0].sqrt() / self.path.command(from, to);
         if fastest >= AT_COMMAND {
             Governor::Feed
         } else if velocity >= SPEED_LIMIT_SHARE * AT_COMMAND && velocity >= acceleration.max(jerk) {
             Governor::Velocity
         } else if acceleration > jerk {
-            let axes = self.path.axes.iter().zip(&self.derivatives);
+            let axes = self.path.axes.iter().zip(derivatives);
             let turning =
                 axes.map(|(axis, [_, bend, _])| (bend * state[0]).abs() / axis.acceleration).fold(0.0, f64::max);
             if turning >= MOSTLY * acceleration { Governor::Turning } else { Governor::Acceleration }

@@ -1,7 +1,8 @@
 //! Where a window has its knots, and where limits are held between them.
 
 use super::path::Path;
-use super::problem::Knots;
+use super::problem::{Hold, Knots};
+use super::samples::Samples;
 use super::{Guess, Task};
 
 /// Halvings of a time: to a nanosecond of seconds.
@@ -12,8 +13,7 @@ const LEAST_INTERVAL: f64 = 1.0 / 64.0;
 pub(super) const LEAST_INTERVALS: usize = 6;
 /// Most intervals of a window; bounds its memory.
 const MOST_INTERVALS: usize = 1 << 13;
-/// Places of an interval that may be held instead of its middle, and how much faster the path has to bend there.
-const MIDDLES: [f64; 6] = [0.375, 0.625, 0.25, 0.75, 0.125, 0.875];
+/// How much faster the path has to bend at a place of an interval that is held instead of its middle.
 const CLEARLY_FASTER: f64 = 1.001;
 
 /// Knots at nearly equal times of the guess, closer where the speed has changed for a short time only, and the squares of the
@@ -80,22 +80,19 @@ fn time_at(guess: &dyn Guess, place: f64) -> f64 {
 
 /// Moves the places inside of intervals at which limits are held from the middle to where the path bends fastest, as far as that
 /// matters; steps of the third derivative inside would otherwise be found to exceed the jerk only afterwards.
-pub(super) fn place_middles(path: &Path<'_>, knots: &Knots, middles: &mut [f64]) {
-    let mut derivatives = vec![[0.0; 3]; path.axes.len()];
-    for (index, middle) in middles.iter_mut().enumerate() {
-        let (from, to) = (knots.0[index], knots.0[index + 1]);
-        let h = to - from;
-        let mut twist_at = |share: f64| {
-            path.derivatives(from + h * share, &mut derivatives);
-            let shares = path.axes.iter().zip(&derivatives).map(|(axis, [.., twist])| twist.abs() / axis.jerk);
+pub(super) fn place_middles(path: &Path<'_>, samples: &Samples, holds: &mut [Hold]) {
+    for (index, hold) in holds.iter_mut().enumerate() {
+        let twist_at = |place: usize| {
+            let shares =
+                path.axes.iter().zip(samples.derivatives(place)).map(|(axis, [.., twist])| twist.abs() / axis.jerk);
             shares.fold(0.0, f64::max)
         };
-        let mut largest = twist_at(0.5) * CLEARLY_FASTER;
-        let inner = MIDDLES.into_iter().chain(path.middles_between(from, to).map(|s| (s - from) / h));
-        for share in inner {
-            let twist = twist_at(share);
+        let [start, own, end] = samples.held(index);
+        let mut largest = twist_at(own) * CLEARLY_FASTER;
+        for place in samples.of(index).filter(|place| ![start, own, end].contains(place)) {
+            let twist = twist_at(place);
             if twist > largest {
-                (largest, *middle) = (twist, share);
+                (largest, hold.middle) = (twist, place);
             }
         }
     }

@@ -8,28 +8,30 @@ use super::check;
 use super::grid::LEAST_INTERVALS;
 use super::path::Path;
 use super::solver::{GAPS, Start};
-use crate::tolerance::{SPEED_AROUND, SPEED_CHECKED_SHARE, SPEED_SIDE, SPEED_STEPS, SPEED_TIGHTENINGS};
+use crate::tolerance::{
+    SPEED_AROUND, SPEED_CHECKED_SHARE, SPEED_HELD_SHARE, SPEED_LIMIT_SHARE, SPEED_STEPS, SPEED_TIGHTENINGS,
+};
 
 /// Part of a window above which it is solved again as a whole.
 const MOST_AGAIN: f64 = 0.7;
 /// Shares of its cap from which on a coefficient is raised towards it, and at which it is there.
 const NEAR_CAP: [f64; 2] = [0.997, 0.9994];
-/// How much further a limit is lowered than it was exceeded.
-const TIGHTENING: f64 = 0.98;
+/// Largest excess that a limit is lowered by at once; b that falls below zero has no other.
+const MOST_EXCESS: f64 = 2.0;
 
 impl SpeedPlanner {
     /// Lowers limits where they are exceeded, and solves again around these places, until all are kept.
     pub(super) fn keep_limits(&mut self, path: &Path<'_>) -> bool {
         let intervals = self.problem.knots.intervals();
         self.worst.clear();
-        self.worst.resize(intervals, (0.0, 0.5));
+        self.worst.resize(intervals, (0.0, 0));
         let all = || core::iter::once(0..intervals).collect::<Vec<_>>();
         let mut changed = all();
         for round in 0..=SPEED_TIGHTENINGS {
             let mut keeps = true;
             for range in &changed {
                 let found = (&self.left[..], &mut self.worst[..]);
-                keeps &= check::worst(path, &self.problem.knots, &self.c, found, range.clone());
+                keeps &= check::worst((path, &self.samples), &self.problem.knots, &self.c, found, range.clone());
             }
             if keeps {
                 return true;
@@ -39,45 +41,51 @@ impl SpeedPlanner {
             }
             changed = self.tighten(path);
             self.before.clone_from(&self.c);
-            let is_solved = changed.iter().all(|range| {
-                self.solver.solve(&self.problem, &mut self.c, range.clone(), (SPEED_STEPS, GAPS[1]), Start::NEAR)
-            });
-            if !is_solved {
-                let is_all = changed.len() == 1 && changed[0].len() == intervals;
-                // With its ends as they are, a part of it has no way: the path is at its limits there.
+            let options = (SPEED_STEPS, GAPS[1]);
+            let mut is_solved = changed
+                .iter()
+                .all(|range| self.solver.solve(&self.problem, &mut self.c, range.clone(), options, Start::NEAR));
+            // With its ends as they are, a part of it may have no way: the path is at its limits there.
+            for start in [Start::NEAR, Start::FAR] {
+                if is_solved {
+                    break;
+                }
                 changed = all();
                 self.c.clone_from(&self.before);
-                let options = (SPEED_STEPS, GAPS[1]);
-                if is_all || !self.solver.solve(&self.problem, &mut self.c, 0..intervals, options, Start::FAR) {
-                    return false;
-                }
+                is_solved = self.solver.solve(&self.problem, &mut self.c, 0..intervals, options, start);
+            }
+            if !is_solved {
+                return false;
             }
         }
         false
     }
 
-    /// Lowers the limits where they are exceeded, and holds them there; the intervals to be solved again.
+    /// Holds the limits where they are exceeded, and lowers those that are held there already; the intervals to be solved again.
+    ///
+    /// No more than that: where a window starts at the limits, another one has found what is just possible.
     fn tighten(&mut self, path: &Path<'_>) -> Vec<Range<usize>> {
         let intervals = self.worst.len();
         let mut changed: Vec<Range<usize>> = Vec::new();
-        self.lowered.clone_from(&self.shares);
         for (index, &(ratio, place)) in self.worst.iter().enumerate() {
-            if ratio > SPEED_CHECKED_SHARE {
-                if (SPEED_SIDE..=1.0 - SPEED_SIDE).contains(&place) {
-                    self.middles[index] = place;
-                }
-                let share = self.shares[index] * TIGHTENING / ratio;
-                for own in &mut self.lowered[index.saturating_sub(1)..(index + 2).min(intervals)] {
-                    *own = own.min(share);
-                }
-                let around = index.saturating_sub(SPEED_AROUND)..(index + 1 + SPEED_AROUND).min(intervals);
-                match changed.last_mut().filter(|last| last.end + LEAST_INTERVALS >= around.start) {
-                    Some(last) => last.end = around.end,
-                    None => changed.push(around),
-                }
+            if ratio <= SPEED_CHECKED_SHARE {
+                continue;
+            }
+            let hold = &mut self.holds[index];
+            let [start, _, end] = self.samples.held(index);
+            let is_inside = place != start && place != end;
+            if is_inside && hold.middle_share < SPEED_HELD_SHARE {
+                (hold.middle, hold.middle_share) = (place, SPEED_HELD_SHARE);
+            } else {
+                hold.share *= SPEED_LIMIT_SHARE / ratio.min(MOST_EXCESS);
+            }
+            self.problem.set_interval(path, &self.samples, index, *hold);
+            let around = index.saturating_sub(SPEED_AROUND)..(index + 1 + SPEED_AROUND).min(intervals);
+            match changed.last_mut().filter(|last| last.end + LEAST_INTERVALS >= around.start) {
+                Some(last) => last.end = around.end,
+                None => changed.push(around),
             }
         }
-        core::mem::swap(&mut self.shares, &mut self.lowered);
         for range in &mut changed {
             // Near an end, up to it.
             if range.start < LEAST_INTERVALS {
@@ -85,11 +93,6 @@ impl SpeedPlanner {
             }
             if range.end + LEAST_INTERVALS > intervals {
                 range.end = intervals;
-            }
-            for index in range.clone() {
-                if self.shares[index] != self.lowered[index] || self.worst[index].0 > SPEED_CHECKED_SHARE {
-                    self.problem.set_interval(path, index, self.shares[index], self.middles[index]);
-                }
             }
         }
         let some: usize = changed.iter().map(Range::len).sum();
@@ -120,7 +123,7 @@ impl SpeedPlanner {
         }
         let Some(changed) = changed else { return };
         let found = (&self.left[..], &mut self.worst[..]);
-        if !check::worst(path, &self.problem.knots, &self.c, found, changed) {
+        if !check::worst((path, &self.samples), &self.problem.knots, &self.c, found, changed) {
             self.c.clone_from(&self.before);
         }
     }

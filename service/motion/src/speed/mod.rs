@@ -18,6 +18,7 @@ mod pair;
 mod path;
 mod problem;
 mod ramp;
+mod samples;
 mod segments;
 mod solver;
 #[cfg(test)]
@@ -26,9 +27,10 @@ mod tests;
 pub use course::{Course, Governor};
 pub(crate) use path::{AxisLimits, Path, Span};
 
-use crate::tolerance::{RESERVED_S, SPEED_GRADE, SPEED_INTERVALS, SPEED_STEPS};
-use problem::{Knots, Problem};
+use crate::tolerance::{RESERVED_S, SPEED_GRADE, SPEED_INTERVALS, SPEED_LIMIT_SHARE, SPEED_STEPS};
+use problem::{Hold, Knots, Problem};
 use ramp::{AlongPath, Ramp};
+use samples::{EXAMINED_PARTS, HELD_PARTS, Samples};
 use solver::{GAPS, Solver, Start};
 
 /// One end of a window.
@@ -119,14 +121,13 @@ pub(crate) struct SpeedPlanner {
     c: Vec<f64>,
     /// Coefficients to go back to.
     before: Vec<f64>,
-    /// By interval: part of the limits that may be used, and the place between its ends at which they are held.
-    shares: Vec<f64>,
-    lowered: Vec<f64>,
-    middles: Vec<f64>,
+    /// By interval.
+    holds: Vec<Hold>,
+    samples: Samples,
     /// By interval: part of the limits that junctions leave.
     left: Vec<f64>,
     /// By interval: the largest share of a limit that is taken, and where.
-    worst: Vec<(f64, f64)>,
+    worst: Vec<(f64, usize)>,
 }
 
 impl Clone for SpeedPlanner {
@@ -168,10 +169,11 @@ impl SpeedPlanner {
         let ramps = [ramp(0)?, ramp(1)?];
         let settled_s = core::array::from_fn(|k| ramps[k].time_s + (2.0 * ends[k].speed / limits[k].jerk).sqrt());
         let task = Task { path, ends, ramps, settled_s, window };
-        let coarse = Stage { guess, interval_s: 2.0 * interval_s, scale: 0.7, gap: GAPS[0] };
+        let coarse = Stage { guess, interval_s: FIRST_INTERVALS * interval_s, scale: GUESS_SCALE, gap: GAPS[0] };
         let coarse = self.solve(&task, coarse);
-        let fine =
-            coarse.and_then(|coarse| self.solve(&task, Stage { guess: &coarse, interval_s, scale: 0.7, gap: GAPS[1] }));
+        let fine = coarse.and_then(|coarse| {
+            self.solve(&task, Stage { guess: &coarse, interval_s, scale: FOUND_SCALE, gap: GAPS[1] })
+        });
         // From somewhere else the steps may lead where they did not.
         fine.or_else(|| self.solve(&task, Stage { guess, interval_s, scale: 0.4, gap: GAPS[1] }))
     }
@@ -183,14 +185,13 @@ impl SpeedPlanner {
         let is_last = stage.gap <= GAPS[1];
         let (knots, squares) = grid::place_knots(task, stage.guess, stage.interval_s)?;
         let intervals = knots.intervals();
-        self.middles.clear();
-        self.middles.resize(intervals, 0.5);
-        if is_last {
-            grid::place_middles(path, &knots, &mut self.middles);
-        }
+        self.samples.take(path, &knots, if is_last { EXAMINED_PARTS } else { HELD_PARTS });
         self.share_limits(task, &knots, stage.interval_s);
+        if is_last {
+            grid::place_middles(path, &self.samples, &mut self.holds);
+        }
         self.start_from(task, &knots, &squares, stage.scale);
-        self.problem.build(path, knots, &self.shares, &self.middles);
+        self.problem.build(path, (knots, &self.samples), !is_last, &self.holds);
         if !self.solver.solve(&self.problem, &mut self.c, 0..intervals, (SPEED_STEPS, stage.gap), Start::FAR) {
             return None;
         }
@@ -200,7 +201,7 @@ impl SpeedPlanner {
             }
             self.reach_caps(path);
         }
-        segments::course(task, &self.problem.knots, &self.c)
+        segments::course(task, (&self.problem.knots, &self.samples), &self.c)
     }
 
     /// What every interval may use of the limits: junctions take a part, and the window leaves some to the next one.
@@ -223,11 +224,12 @@ impl SpeedPlanner {
                 *left = left.min(1.0 - reserve);
             }
         }
-        self.shares.clone_from(&self.left);
-        if task.window.goes_on {
-            for (index, share) in self.shares.iter_mut().enumerate() {
-                *share *= 1.0 - SPEED_GRADE * index as f64 / intervals as f64;
-            }
+        let grade = if task.window.goes_on { SPEED_GRADE / intervals as f64 } else { 0.0 };
+        self.holds.clear();
+        for (index, left) in self.left.iter().enumerate() {
+            let [_, middle, _] = self.samples.held(index);
+            let share = left * (1.0 - grade * index as f64);
+            self.holds.push(Hold { share, middle, middle_share: SPEED_LIMIT_SHARE });
         }
     }
 
@@ -260,6 +262,11 @@ impl SpeedPlanner {
     }
 }
 
+/// Interval of the first plan as a multiple of that of the second: it gives knots only.
+const FIRST_INTERVALS: f64 = 5.0;
+/// Parts of the squared speeds of a guess, and of those of the first plan, that the steps start from.
+const GUESS_SCALE: f64 = 0.7;
+const FOUND_SCALE: f64 = 0.9;
 /// Part of the squared speed of a possible plan that a faster one does not fall below.
 const LEAST_OF_GUESS: f64 = 0.3;
 /// Part of a coefficient that the next one is at the least, to start with.

@@ -123,12 +123,50 @@ impl<'a> Path<'a> {
         self.spans.partition_point(|span| span.start <= s).saturating_sub(1)
     }
 
+    /// [`Path::span_at`] from a span near it on.
+    pub(super) fn span_from(&self, near: usize, s: f64) -> usize {
+        let mut span = near;
+        while self.spans.get(span + 1).is_some_and(|next| next.start <= s) {
+            span += 1;
+        }
+        while span > 0 && self.spans[span].start > s {
+            span -= 1;
+        }
+        span
+    }
+
+    /// Adds the derivatives of the moved axes at a place of a span.
+    pub(super) fn add_derivatives(&self, span: usize, s: f64, out: &mut Vec<Derivatives>) {
+        let span = &self.spans[span];
+        let [first, second, third] = span.element.derivatives(span.from + (s - span.start));
+        out.extend(self.axes.iter().map(|axis| [first[axis.index], second[axis.index], third[axis.index]]));
+    }
+
     /// Derivatives of the moved axes at a place.
     pub(super) fn derivatives(&self, s: f64, out: &mut [Derivatives]) {
         let span = &self.spans[self.span_at(s)];
         let [first, second, third] = span.element.derivatives(span.from + (s - span.start));
         for (axis, out) in self.axes.iter().zip(out) {
             *out = [first[axis.index], second[axis.index], third[axis.index]];
+        }
+    }
+
+    /// Adds the places between two at which third derivatives may jump: where spans meet, and inside of their elements. `near` is a span
+    /// near the first.
+    pub(super) fn add_breaks(&self, near: usize, [from, to]: [f64; 2], out: &mut Vec<f64>) {
+        let mut index = self.span_from(near, from);
+        while let Some(span) = self.spans.get(index).filter(|span| span.start < to) {
+            if span.start > from {
+                out.push(span.start);
+            }
+            let first = out.len();
+            let end = self.spans.get(index + 1).map_or(self.length, |next| next.start).min(to);
+            let local = |s: f64| span.from + (s - span.start);
+            span.element.add_breaks(local(from.max(span.start)), local(end), out);
+            for place in &mut out[first..] {
+                *place = span.start + (*place - span.from);
+            }
+            index += 1;
         }
     }
 

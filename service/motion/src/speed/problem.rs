@@ -9,11 +9,9 @@
 //! jerk          |q‴·b + 3/2·q″·b′ + ½·q′·b″| ≤ J/√b
 //! ```
 
-use super::path::{Derivatives, Path};
-use crate::tolerance::{SPEED_LIMIT_SHARE, SPEED_SIDE};
-
-/// Places of an interval at which the jerk is held: its ends and its middle.
-pub(super) const PLACES: usize = 3;
+use super::path::Path;
+use super::samples::Samples;
+use crate::tolerance::SPEED_LIMIT_SHARE;
 
 /// Knots of the place; beyond both ends they are mirrored.
 #[derive(Clone, Debug, Default)]
@@ -74,46 +72,84 @@ pub(super) type Row = [f64; 3];
 pub(super) struct Problem {
     pub(super) knots: Knots,
     pub(super) axes: usize,
+    /// Places of an interval at which the jerk is held: its ends and one between them, or that one only.
+    pub(super) places: usize,
+    /// The same of the acceleration: its start and the one between the ends, or the start only; its end is the next one's start.
+    pub(super) acceleration_places: usize,
     /// 1/largest coefficient, 0 where it has none.
     pub(super) per_caps: Vec<f64>,
     /// Smallest coefficients: less than what is known to be possible.
     pub(super) floors: Vec<f64>,
     /// Weights of the time: the sum of weight/√c is about ∫ds/√b.
     pub(super) weights: Vec<f64>,
-    /// By knot but the last, and axis.
+    /// By interval, place and axis.
     pub(super) accelerations: Vec<Row>,
     /// By interval, place and axis.
     pub(super) jerks: Vec<Row>,
     /// b by the coefficients; by interval and place.
     pub(super) squares: Vec<Row>,
-    derivatives: Vec<Derivatives>,
 }
 
-/// A row of b, b′ and b″ in the interval from knot `index` on, `x` from its start.
-pub(super) fn basis(knots: &Knots, index: usize, x: f64) -> [Row; 3] {
-    let h = knots.0[index + 1] - knots.0[index];
-    let (start, end) = (knots.at_knot(index), knots.at_knot(index + 1));
-    let first = [-start.slope, start.slope, 0.0];
-    let last = [0.0, -end.slope, end.slope];
-    let value = [start.weights[0], start.weights[1], 0.0];
-    let second: Row = core::array::from_fn(|k| (last[k] - first[k]) / h);
-    let slope = core::array::from_fn(|k| first[k] + second[k] * x);
-    let square = core::array::from_fn(|k| value[k] + x * (first[k] + 0.5 * x * second[k]));
-    [square, slope, second]
+/// How the limits are held in an interval.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hold {
+    /// Part of the limits of acceleration and jerk that may be used.
+    pub(super) share: f64,
+    /// The place between its ends at which they are held, and the part of that part which is permitted there.
+    pub(super) middle: usize,
+    pub(super) middle_share: f64,
+}
+
+/// Rows of b and b′ at the start of an interval and of its b″, over its three coefficients.
+#[derive(Clone, Copy)]
+pub(super) struct Basis {
+    value: Row,
+    slope: Row,
+    second: Row,
+}
+
+impl Basis {
+    /// Those of the interval from knot `index` on.
+    pub(super) fn of(knots: &Knots, index: usize) -> Self {
+        let per_length = 1.0 / (knots.0[index + 1] - knots.0[index]);
+        let (start, end) = (knots.at_knot(index), knots.at_knot(index + 1));
+        let value = [start.weights[0], start.weights[1], 0.0];
+        let slope = [-start.slope, start.slope, 0.0];
+        let last = [0.0, -end.slope, end.slope];
+        let second = core::array::from_fn(|k| (last[k] - slope[k]) * per_length);
+        Self { value, slope, second }
+    }
+
+    /// Rows of b, b′ and b″, `x` from its start.
+    pub(super) fn at(&self, x: f64) -> [Row; 3] {
+        let slope = core::array::from_fn(|k| self.slope[k] + self.second[k] * x);
+        let square = core::array::from_fn(|k| self.value[k] + x * (self.slope[k] + 0.5 * x * self.second[k]));
+        [square, slope, self.second]
+    }
+
+    /// b, b′ and b″ at its start.
+    pub(super) fn state(&self, c: &[f64]) -> [f64; 3] {
+        [self.value, self.slope, self.second].map(|row| row[0] * c[0] + row[1] * c[1] + row[2] * c[2])
+    }
 }
 
 impl Problem {
-    /// The rows for these knots. `shares` are the parts of the limits of acceleration and jerk that may be used, by interval;
-    /// `middles` the places between their ends, from 0 to 1, at which they are held.
-    pub(super) fn build(&mut self, path: &Path<'_>, knots: Knots, shares: &[f64], middles: &[f64]) {
+    /// The rows for these knots, at all held places or, for a first plan, at the fewest.
+    pub(super) fn build(
+        &mut self,
+        path: &Path<'_>,
+        (knots, samples): (Knots, &Samples),
+        is_first: bool,
+        holds: &[Hold],
+    ) {
         let intervals = knots.intervals();
         let axes = path.axes.len();
         self.knots = knots;
         self.axes = axes;
-        self.accelerations.resize(intervals * axes, [0.0; 3]);
-        self.jerks.resize(intervals * PLACES * axes, [0.0; 3]);
-        self.squares.resize(intervals * PLACES, [0.0; 3]);
-        self.derivatives.resize(axes, [0.0; 3]);
+        (self.places, self.acceleration_places) = if is_first { (1, 1) } else { (3, 2) };
+        self.accelerations.resize(intervals * self.acceleration_places * axes, [0.0; 3]);
+        self.jerks.resize(intervals * self.places * axes, [0.0; 3]);
+        self.squares.resize(intervals * self.places, [0.0; 3]);
         self.per_caps.clear();
         self.per_caps.resize(intervals + 2, 0.0);
         self.weights.clear();
@@ -122,35 +158,45 @@ impl Problem {
             self.weights.push((after - before) / 3.0);
         }
         for index in 0..intervals {
-            self.set_interval(path, index, shares[index], middles[index]);
+            self.set_interval(path, samples, index, holds[index]);
         }
     }
 
     /// The rows of one interval.
-    pub(super) fn set_interval(&mut self, path: &Path<'_>, index: usize, share: f64, middle: f64) {
-        let share = share * SPEED_LIMIT_SHARE;
+    pub(super) fn set_interval(&mut self, path: &Path<'_>, samples: &Samples, index: usize, hold: Hold) {
+        let Hold { share, middle, middle_share } = hold;
         let [from, to] = [self.knots.0[index], self.knots.0[index + 1]];
         let h = to - from;
-        let command = path.command(from, to);
-        let mut per_speed = 1.0 / command;
-        for place in 0..PLACES {
-            // Where elements meet, derivatives of the side of this interval.
-            let x = h * [SPEED_SIDE, middle, 1.0 - SPEED_SIDE][place];
-            path.derivatives(from + x, &mut self.derivatives);
-            let x = h * [0.0, middle, 1.0][place];
-            let [square, slope, second] = basis(&self.knots, index, x);
-            let at = index * PLACES + place;
+        let basis = Basis::of(&self.knots, index);
+        let mut per_speed = 1.0 / path.command(from, to);
+        let [start, _, end] = samples.held(index);
+        let part = |sample: usize| share * if sample == middle { middle_share } else { SPEED_LIMIT_SHARE };
+        let held = if self.places == 1 { &[middle][..] } else { &[start, middle, end] };
+        for (place, &sample) in held.iter().enumerate() {
+            let part = part(sample);
+            let [square, slope, second] = basis.at(h * samples.share(sample));
+            let at = index * self.places + place;
             self.squares[at] = square;
-            for (number, (axis, [first, bend, twist])) in path.axes.iter().zip(&self.derivatives).enumerate() {
-                let per_jerk = 1.0 / (axis.jerk * share);
-                self.jerks[at * self.axes + number] = core::array::from_fn(|k| {
+            let rows = &mut self.jerks[at * self.axes..][..self.axes];
+            for ((axis, [first, bend, twist]), row) in path.axes.iter().zip(samples.derivatives(sample)).zip(rows) {
+                let per_jerk = 1.0 / (axis.jerk * part);
+                *row = core::array::from_fn(|k| {
                     (twist * square[k] + 1.5 * bend * slope[k] + 0.5 * first * second[k]) * per_jerk
                 });
-                if place == 0 {
-                    let per_acceleration = 1.0 / (axis.acceleration * share);
-                    self.accelerations[index * self.axes + number] =
-                        core::array::from_fn(|k| (bend * square[k] + 0.5 * first * slope[k]) * per_acceleration);
-                }
+            }
+        }
+        for (place, &sample) in [start, middle][..self.acceleration_places].iter().enumerate() {
+            let part = part(sample);
+            let [square, slope, _] = basis.at(h * samples.share(sample));
+            let at = index * self.acceleration_places + place;
+            let rows = &mut self.accelerations[at * self.axes..][..self.axes];
+            for ((axis, [first, bend, _]), row) in path.axes.iter().zip(samples.derivatives(sample)).zip(rows) {
+                let per_acceleration = 1.0 / (axis.acceleration * part);
+                *row = core::array::from_fn(|k| (bend * square[k] + 0.5 * first * slope[k]) * per_acceleration);
+            }
+        }
+        for sample in [start, middle, end] {
+            for (axis, [first, ..]) in path.axes.iter().zip(samples.derivatives(sample)) {
                 per_speed = per_speed.max(first.abs() / (SPEED_LIMIT_SHARE * axis.velocity));
             }
         }

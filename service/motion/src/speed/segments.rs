@@ -4,6 +4,7 @@ use super::Task;
 use super::check::Governors;
 use super::course::{Course, Governor, Segment};
 use super::problem::Knots;
+use super::samples::Samples;
 
 /// Largest relative error of the length of a segment at its end.
 const ARRIVAL: f64 = 1e-9;
@@ -13,7 +14,7 @@ const LARGEST_SERIES: f64 = 0.25;
 const MOST_PARTS: u32 = 12;
 
 /// The course of the coefficients of b on the knots of a window; `None` where it would rest within.
-pub(super) fn course(task: &Task<'_>, knots: &Knots, c: &[f64]) -> Option<Course> {
+pub(super) fn course(task: &Task<'_>, (knots, samples): (&Knots, &Samples), c: &[f64]) -> Option<Course> {
     let &Task { path, ramps, ends, .. } = task;
     let intervals = knots.intervals();
     let mut segments = Vec::with_capacity(intervals + 2);
@@ -32,7 +33,7 @@ pub(super) fn course(task: &Task<'_>, knots: &Knots, c: &[f64]) -> Option<Course
         segments.push(ramp(0.0, 0.0, 0.0, 0.0, rise.jerk));
         (s, time_s) = (rise.length, rise.time_s);
     }
-    let mut governors = Governors::new(path, knots, c);
+    let governors = Governors { path, samples, knots, c };
     for index in 0..intervals {
         let length = knots.0[index + 1] - knots.0[index];
         let ((b, slope), (next, next_slope)) = (knots.state(index, c), knots.state(index + 1, c));

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use super::banded::Banded;
 use super::pair::{Found, Pair, Renewal, Steps, larger, largest};
-use super::problem::{PLACES, Problem, Row};
+use super::problem::{Problem, Row};
 use crate::tolerance::{SPEED_GAP, SPEED_START_SLACK};
 
 /// What the method needs between its steps; kept so that windows allocate nothing.
@@ -70,6 +70,9 @@ const SMALL_RESIDUAL: f64 = 1e-3;
 /// The rows of some intervals of a problem.
 struct Part<'a> {
     axes: usize,
+    places: usize,
+    /// Rows of the acceleration in an interval.
+    accelerations: usize,
     weights: &'a [f64],
     jerks: &'a [Row],
     squares: &'a [Row],
@@ -203,9 +206,11 @@ impl Solver {
     /// The rows of some intervals, without those that have nothing but given coefficients; makes room for their pairs.
     fn prepare<'a>(&mut self, problem: &'a Problem, range: Range<usize>) -> Part<'a> {
         let intervals = range.len();
-        let axes = problem.axes;
+        let (axes, places) = (problem.axes, problem.places);
+        let accelerations = axes * problem.acceleration_places;
         self.accelerations.clear();
-        self.accelerations.extend_from_slice(&problem.accelerations[range.start * axes..range.end * axes]);
+        self.accelerations
+            .extend_from_slice(&problem.accelerations[range.start * accelerations..range.end * accelerations]);
         self.accelerations[..axes].fill([0.0; 3]);
         self.bounds.clear();
         let bounds = problem.per_caps[range.clone()].iter().zip(&problem.floors[range.clone()]);
@@ -214,15 +219,17 @@ impl Solver {
             [2.0 * per_cap / (1.0 - share), if per_cap > 0.0 { (1.0 + share) / (1.0 - share) } else { 0.0 }]
         }));
         self.bounds[..2].fill([0.0; 2]);
-        let pairs = axes * (PLACES + 1) + 1;
+        let pairs = axes * places + accelerations + 1;
         self.pairs.clear();
         self.pairs.resize(pairs * intervals, Pair::default());
-        self.falls.resize(PLACES * intervals, 0.0);
+        self.falls.resize(places * intervals, 0.0);
         Part {
             axes,
+            places,
+            accelerations,
             weights: &problem.weights[range.start..range.end + 2],
-            jerks: &problem.jerks[range.start * axes * PLACES..range.end * axes * PLACES],
-            squares: &problem.squares[range.start * PLACES..range.end * PLACES],
+            jerks: &problem.jerks[range.start * axes * places..range.end * axes * places],
+            squares: &problem.squares[range.start * places..range.end * places],
         }
     }
 
@@ -245,8 +252,8 @@ impl Solver {
     /// Products of slack and price are kept near their mean before: far from it steps become short. Prices are free, as nothing but
     /// the products is asked of them.
     fn renew(&mut self, problem: &Part<'_>, c: &[f64], renewal: Renewal, complementarity: f64) -> Found {
-        let axes = problem.axes;
-        let pairs = axes * (PLACES + 1) + 1;
+        let &Part { axes, places, accelerations, .. } = problem;
+        let pairs = axes * places + accelerations + 1;
         let prices = [complementarity / OFF_CENTER, complementarity * OFF_CENTER];
         let mut found = Found::default();
         self.matrix.clear(c.len());
@@ -259,16 +266,16 @@ impl Solver {
         for (index, own) in self.pairs.chunks_exact_mut(pairs).enumerate() {
             let c = &c[index..index + 3];
             let mut sums = Sums::default();
-            let places = own[..PLACES * axes].chunks_exact_mut(axes).zip(&mut self.falls[index * PLACES..][..PLACES]);
-            for (place, (own, fall)) in places.enumerate() {
-                let at = index * PLACES + place;
+            let held = own[..places * axes].chunks_exact_mut(axes).zip(&mut self.falls[index * places..][..places]);
+            for (place, (own, fall)) in held.enumerate() {
+                let at = index * places + place;
                 let rows = (&problem.jerks[at * axes..][..axes], own);
                 *fall = sums.add_jerks(&problem.squares[at], rows, c, |pair, value, bound, per_scale| {
                     pair.renew(value, bound, per_scale, renewal, prices, &mut found)
                 });
             }
-            let rows = &self.accelerations[index * axes..][..axes];
-            for (row, pair) in rows.iter().zip(&mut own[PLACES * axes..][..axes]) {
+            let rows = &self.accelerations[index * accelerations..][..accelerations];
+            for (row, pair) in rows.iter().zip(&mut own[places * axes..][..accelerations]) {
                 let [weights, pulls] = pair.renew(dot(row, c), 1.0, 1.0, renewal, prices, &mut found);
                 sums.add_square(row, weights[0] + weights[1]);
                 sums.add_force(row, pulls[0] - pulls[1]);
@@ -293,8 +300,8 @@ impl Solver {
 
     /// How far the predictor gets, as the next target; and what its products miss.
     fn predict(&mut self, problem: &Part<'_>, complementarity: f64, per_row: f64) -> f64 {
-        let axes = problem.axes;
-        let pairs = axes * (PLACES + 1) + 1;
+        let &Part { axes, places, accelerations, .. } = problem;
+        let pairs = axes * places + accelerations + 1;
         let mut most = [[1.0_f64; 2]; 2];
         // Sums of the products with none, one and both of the changes.
         let mut sums = [[0.0; 2]; 4];
@@ -312,8 +319,8 @@ impl Solver {
                     }
                 }
             };
-            for place in 0..PLACES {
-                let at = index * PLACES + place;
+            for place in 0..places {
+                let at = index * places + place;
                 let square = problem.squares[at].map(|value| self.falls[at] * value);
                 let common = dot(&square, x);
                 let mut by_both = [0.0; 2];
@@ -326,8 +333,8 @@ impl Solver {
                 }
                 pull(&square, by_both.map(|by| [by, 0.0]));
             }
-            let rows = &self.accelerations[index * axes..][..axes];
-            for (row, pair) in rows.iter().zip(&mut own[PLACES * axes..][..axes]) {
+            let rows = &self.accelerations[index * accelerations..][..accelerations];
+            for (row, pair) in rows.iter().zip(&mut own[places * axes..][..accelerations]) {
                 let change = dot(row, x);
                 pull(row, pair.predict([change, -change], &mut most, &mut sums));
             }
@@ -350,16 +357,16 @@ impl Solver {
     /// Goes along the direction as far as slacks, prices and coefficients stay positive; the steps, and the change of the products. Slacks and prices follow when
     /// they are renewed.
     fn advance(&mut self, problem: &Part<'_>, c: &mut [f64], target: f64, part: f64) -> (Steps, f64) {
-        let axes = problem.axes;
-        let pairs = axes * (PLACES + 1) + 1;
+        let &Part { axes, places, accelerations, .. } = problem;
+        let pairs = axes * places + accelerations + 1;
         let mut most = [[1.0_f64; 2]; 2];
         // Sums of the products with one and both of the changes.
         let mut sums = [[0.0; 2]; 3];
         let by = [target, part];
         for (index, own) in self.pairs.chunks_exact_mut(pairs).enumerate() {
             let x = &self.direction[index..index + 3];
-            for place in 0..PLACES {
-                let at = index * PLACES + place;
+            for place in 0..places {
+                let at = index * places + place;
                 let common = self.falls[at] * dot(&problem.squares[at], x);
                 let rows = &problem.jerks[at * axes..][..axes];
                 for (row, pair) in rows.iter().zip(&mut own[place * axes..][..axes]) {
@@ -367,8 +374,8 @@ impl Solver {
                     pair.correct([common + change, common - change], by, &mut most, &mut sums);
                 }
             }
-            let rows = &self.accelerations[index * axes..][..axes];
-            for (row, pair) in rows.iter().zip(&mut own[PLACES * axes..][..axes]) {
+            let rows = &self.accelerations[index * accelerations..][..accelerations];
+            for (row, pair) in rows.iter().zip(&mut own[places * axes..][..accelerations]) {
                 let change = dot(row, x);
                 pair.correct([change, -change], by, &mut most, &mut sums);
             }

@@ -17,6 +17,9 @@ use crate::tolerance::{
 };
 use crate::{Curve, Element};
 
+/// Parts of a span's part on an element whose deviation is bounded each: the bound exceeds the deviation the less the more there are.
+const DEVIATION_PARTS: usize = 4;
+
 /// A place of the programmed path that the curve is held to.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
@@ -257,36 +260,58 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Largest distance of the curve from an element between two places of it, which is examined at the ends and in the middle of its
-    /// spans there, mm; and where, as a share of the way between the places.
+    /// Upper bound of the distance of the curve from an element between two places of it, mm; and where it is about as far, as a share
+    /// of the way between the places.
+    ///
+    /// Never more than what the fit was held to ([`Path::farthest`]): parts of spans are no longer than those between its samples.
     pub(super) fn deviation(&self, spans: &[Span], leg: usize, [from, to]: [f64; 2]) -> (f64, f64) {
         let mut largest = (0.0, 0.0);
         let first = spans.partition_point(|span| span.to <= from);
         for span in spans[first..].iter().take_while(|span| span.from < to) {
             let [start, end] = [span.from.max(from), span.to.min(to)];
-            for s in [start, 0.5 * (start + end), end] {
-                let distance_mm = norm(difference(span.state(s).point, self.point(leg, s)));
-                if distance_mm > largest.0 {
-                    largest = (distance_mm, (s - from) / (to - from));
+            let place = |part: usize| match part {
+                0 => start,
+                DEVIATION_PARTS => end,
+                _ => start + (end - start) * (part as f64 / DEVIATION_PARTS as f64),
+            };
+            for part in 0..DEVIATION_PARTS {
+                let [start, end] = [place(part), place(part + 1)];
+                let (bound_mm, farthest) = self.part_deviation(span, leg, [start, end]);
+                if bound_mm > largest.0 {
+                    let s = start + farthest as f64 / 3.0 * (end - start);
+                    largest = (bound_mm, (s - from) / (to - from));
                 }
             }
         }
         largest
     }
 
+    /// Upper bound of the distance of a part of a span from an element, mm: curve and path are compared at the same place, as
+    /// polynomials, whose difference stays within the hull of its control points. And the number of the farthest of these. An arc is
+    /// the cubic with its ends and directions, to r·φ⁴/384.
+    fn part_deviation(&self, span: &Span, leg: usize, [from, to]: [f64; 2]) -> (f64, usize) {
+        let curve = span.part(from, to).points;
+        let (path, error_mm) = self.control_points(leg, from, to);
+        let mut largest = (0.0, 0);
+        for number in 0..4 {
+            // Not `max`, which would pass over what is no number.
+            let own = norm(difference(curve[number], path[number]));
+            let is_less = own <= largest.0;
+            if !is_less {
+                largest = (own, number);
+            }
+        }
+        (largest.0 + error_mm, largest.1)
+    }
+
     /// Upper bounds of the deviation of the curve between the samples, as ratios to the tolerance at either end.
-    ///
-    /// Curve and path are compared at the same place, as polynomials: their difference stays within the hull of its
-    /// control points. An arc is the cubic with its ends and directions, to r·φ⁴/384.
     pub(super) fn farthest(&self, spans: &[Span], samples: &[Sample], ratios: &mut [f64]) {
         let end = spans[spans.len() - 1].to;
         let mut last = 0.0;
         for k in 0..=samples.len() {
             let (to, span) = samples.get(k).map_or((end, spans.len() - 1), |sample| (sample.s, sample.span));
             let leg = self.leg_at(0.5 * (last + to));
-            let curve = spans[span].part(last, to).points;
-            let (path, error_mm) = self.control_points(leg, last, to);
-            let bound_mm = (0..4).map(|i| norm(difference(curve[i], path[i]))).fold(0.0, f64::max) + error_mm;
+            let (bound_mm, _) = self.part_deviation(&spans[span], leg, [last, to]);
             for place in k.saturating_sub(1)..=k.min(samples.len().saturating_sub(1)) {
                 let ratio = &mut ratios[place];
                 // Not `max`, which would pass over what is no number.

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::super::test_path::{Shape, chain, shapes};
 use super::super::tests::{Block, Cut, blocks, distance_to, polyline, within};
 use super::super::vector::{Vector, difference, linear, norm};
-use super::super::{CornerSpeed, Joining, PathSmoother, Smoothed};
+use super::super::{CornerSpeed, Joining, Origin, PathSmoother, Smoothed};
 use crate::{Curve, Element, Machine, MachineAxis};
 
 fn curve(machine: &Machine) -> Joining<'_> {
@@ -69,6 +69,14 @@ fn assert_curve(original: &[Element], smoothed: &[Smoothed<Cut>], tolerance_mm: 
     prop_assert!(turn < 1e-7, "direction jumps by {turn}");
     // Pieces of a hundredth of a millimetre, rounded to 1e-10 mm.
     prop_assert!(bend < 1e-5, "curvature jumps by {bend}");
+    for own in smoothed {
+        // What a part says of itself bounds how far it is from the programmed path.
+        let [off_mm, _] = distances(core::slice::from_ref(own), original);
+        let stated_mm = own.deviation.largest_mm;
+        prop_assert!(stated_mm <= tolerance_mm, "{stated_mm} stated of {tolerance_mm}");
+        let is_curve = matches!(own.origin, Origin::Blocks { .. });
+        prop_assert!(!is_curve || off_mm <= stated_mm + 1e-9, "{off_mm} off, {stated_mm} stated");
+    }
     let off_mm = distances(smoothed, original);
     prop_assert!(off_mm[0] <= tolerance_mm && off_mm[1] <= tolerance_mm, "{off_mm:?} off of {tolerance_mm}");
     Ok(())
