@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Output;
 
 use feedwave_server::config::{
-    Config, HealthcheckConfig, JwtConfig, Overrides, RetentionConfig, StoreConfig, TlsConfig,
+    Config, HealthcheckConfig, JwtConfig, MqttConfig, Overrides, RetentionConfig, StoreConfig, TlsConfig,
 };
 use tokio::process::Command;
 
@@ -104,6 +104,15 @@ fn the_example_states_every_key_with_its_default() {
         ..RetentionConfig::default()
     };
     full.mtconnect.listen = Some(([127, 0, 0, 1], 5_000).into());
+    full.mqtt = MqttConfig {
+        broker: Some(String::new()),
+        user: Some(String::new()),
+        password_file: Some("password".into()),
+        ca: Some("ca".into()),
+        cert: Some("cert".into()),
+        key: Some("key".into()),
+        ..MqttConfig::default()
+    };
     full.telemetry.otlp_endpoint = Some(String::new());
     let full = serde_json::to_value(full).expect("configuration is serializable");
     let mut keys = BTreeSet::new();

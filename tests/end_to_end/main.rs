@@ -27,6 +27,7 @@ mod live_stream;
 mod live_threads;
 mod long_runs;
 mod memory;
+mod mqtt;
 mod mtconnect;
 mod offsets;
 mod oscillation;

@@ -128,6 +128,6 @@ if [[ $# -gt 0 ]]; then
     "$@"
 else
     cargo test --workspace --test suite
-    cargo test --workspace --test postgres_server --test end_to_end -- --include-ignored --skip exclusive:: --skip documents::
+    cargo test --workspace --test postgres_server --test end_to_end -- --include-ignored --skip exclusive:: --skip documents:: --skip mqtt::
     cargo test --workspace --test faults -- replicas:: --ignored --nocapture --test-threads 1
 fi

@@ -17,6 +17,7 @@ pub struct Gate {
     pub address: SocketAddr,
     targets: watch::Sender<Vec<SocketAddr>>,
     cut: watch::Sender<bool>,
+    breaks: watch::Sender<u64>,
     listening: JoinHandle<()>,
 }
 
@@ -30,18 +31,32 @@ impl Gate {
         let address = listener.local_addr().expect("an address");
         let (targets, now) = watch::channel(targets);
         let (cut, is_cut) = watch::channel(false);
+        let (breaks, broken) = watch::channel(0);
         let listening = tokio::spawn(async move {
             let turn = Arc::new(AtomicUsize::new(0));
             while let Ok((client, _)) = listener.accept().await {
-                tokio::spawn(hand_on(client, now.clone(), is_cut.clone(), turn.clone()));
+                let (mut broken, connection) =
+                    (broken.clone(), hand_on(client, now.clone(), is_cut.clone(), turn.clone()));
+                broken.mark_unchanged();
+                tokio::spawn(async move {
+                    tokio::select! {
+                        () = connection => {}
+                        _ = broken.changed() => {}
+                    }
+                });
             }
         });
-        Self { address, targets, cut, listening }
+        Self { address, targets, cut, breaks, listening }
     }
 
     /// Where new connections go from now on.
     pub fn set_targets(&self, targets: Vec<SocketAddr>) {
         self.targets.send_replace(targets);
+    }
+
+    /// Ends all connections, wherever in a message they are.
+    pub fn break_off(&self) {
+        self.breaks.send_modify(|breaks| *breaks += 1);
     }
 
     /// Cuts the wire or mends it: while it is cut, nothing arrives on either side, and nobody is told. What was sent

@@ -28,7 +28,7 @@ pub(crate) use decisions::{DecisionLog, decision_from_record};
 pub(crate) use events::EventLog;
 pub(crate) use guarded::deadline;
 pub(crate) use jobs::state_to_proto;
-pub(crate) use log::{LogFilter, LogWatch, Recent};
+pub(crate) use log::{Entry as LogEntry, LogFilter, LogWatch, Recent};
 pub(crate) use telemetry::{condition_to_proto, config_from_message, run_settings, run_state_to_proto};
 
 use crate::access::Caller;

@@ -10,6 +10,7 @@ mod connections;
 mod cors;
 mod jwt;
 mod limits;
+mod mqtt;
 mod mtconnect;
 mod problems;
 mod retention;
@@ -27,6 +28,8 @@ pub use cors::CorsConfig;
 pub use feedwave_store::{InvalidStoreUri, StoreUri};
 pub use jwt::JwtConfig;
 pub use limits::Limits;
+pub(crate) use mqtt::Broker;
+pub use mqtt::MqttConfig;
 pub use mtconnect::MtConnectConfig;
 use problems::Range;
 pub use problems::{ConfigError, ConfigProblem};
@@ -53,6 +56,8 @@ pub struct Config {
     pub cors: CorsConfig,
     /// The MTConnect agent.
     pub mtconnect: MtConnectConfig,
+    /// The publisher to an MQTT broker.
+    pub mqtt: MqttConfig,
     /// Encryption of both ports; absent: as `grpc.tls` says, and HTTP has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tls: Option<TlsConfig>,

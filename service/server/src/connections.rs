@@ -13,4 +13,4 @@ pub(crate) use connection::{Connection, OpenCall, Unread};
 pub(crate) use listener::{App, Port, app};
 pub(crate) use refusal::in_json;
 pub(crate) use request::{HeldBytes, RequestBody};
-pub(crate) use tls::{Tls, TlsError};
+pub(crate) use tls::{Tls, TlsError, client_config};

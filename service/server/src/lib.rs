@@ -15,6 +15,7 @@ mod floor;
 pub mod http;
 pub mod lifecycle;
 mod lingering;
+mod mqtt;
 mod mtconnect;
 pub mod observability;
 pub mod readiness;

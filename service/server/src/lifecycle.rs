@@ -22,6 +22,7 @@ use crate::config::Config;
 use crate::engine::Engine;
 use crate::error::Error;
 use crate::events::EventReader;
+use crate::mqtt::{self, Publisher};
 use crate::observability::metrics::Metrics;
 use crate::{floor, readiness, retention, services};
 
@@ -49,7 +50,7 @@ pub enum StartError {
         /// Why.
         source: std::io::Error,
     },
-    /// A certificate, a key or the file of known clients cannot be used.
+    /// A certificate, a key, a password or the file of known clients cannot be used.
     #[error("{key}: {reason}")]
     Tls {
         /// The configuration key.
@@ -77,6 +78,7 @@ pub struct RunningServer {
     certificates: Certificates,
     ports: Ports,
     http_stop: CancellationToken,
+    mqtt: Option<JoinHandle<()>>,
 }
 
 impl Server {
@@ -108,6 +110,8 @@ impl Server {
         let rules = config.retention.clone();
         engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, api.floors.clone(), draining.clone()));
         let certificates = Certificates::load(&config, metrics.clone())?;
+        let mqtt = Publisher::new(&config.mqtt, &api)
+            .map_err(|error| StartError::Tls { key: error.key, reason: error.reason })?;
         let audit = AuditLog::new(store.clone(), engine.clone());
         engine.spawn(audit.clone().follow(draining.clone()));
         let http_stop = CancellationToken::new();
@@ -119,7 +123,8 @@ impl Server {
         let (access, stop) = (certificates.access.clone(), http_stop.clone());
         tokio::spawn(async move { stop.run_until_cancelled(access.follow_keys()).await });
         tokio::spawn(certificates.clone().watch(http_stop.clone()));
-        Ok(RunningServer { config, engine, metrics, store, health, certificates, ports, http_stop })
+        let mqtt = mqtt.map(|publisher| tokio::spawn(publisher.run(http_stop.clone())));
+        Ok(RunningServer { config, engine, metrics, store, health, certificates, ports, http_stop, mqtt })
     }
 }
 
@@ -185,6 +190,12 @@ impl RunningServer {
             && tokio::time::timeout(drain, &mut mtconnect).await.is_err()
         {
             mtconnect.abort();
+        }
+        if let Some(mut mqtt) = self.mqtt.take()
+            && tokio::time::timeout(mqtt::GOODBYE * 2, &mut mqtt).await.is_err()
+        {
+            tracing::warn!("the MQTT broker does not answer: it will say itself that the service is gone");
+            mqtt.abort();
         }
         if !self.ports.http.is_finished() && tokio::time::timeout(drain, &mut self.ports.http).await.is_err() {
             self.ports.http.abort();

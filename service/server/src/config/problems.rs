@@ -50,6 +50,7 @@ impl Config {
         let mut problems = self.out_of_range();
         problems.extend(self.auth.jwt.iter().flat_map(JwtConfig::problems));
         problems.extend(self.mtconnect.problems());
+        problems.extend(self.mqtt.problems());
         problems.extend(self.cors.problem().map(|reason| ("cors.origins", reason)));
         problems.extend(self.store_uri().err());
         problems.extend(self.unusable_text());
@@ -70,7 +71,7 @@ impl Config {
     fn out_of_range(&self) -> Vec<Problem> {
         let connections = self.connections.ranges(self.limits.message_bytes as u64);
         let ranges = self.limits.ranges().into_iter().chain(self.retention.ranges()).chain(self.http.ranges());
-        let ranges = ranges.chain(connections).chain(self.mtconnect.ranges());
+        let ranges = ranges.chain(connections).chain(self.mtconnect.ranges()).chain(self.mqtt.ranges());
         let ranges = ranges.chain(self.auth.jwt.iter().flat_map(JwtConfig::ranges));
         let outside = ranges.filter(|&(_, value, low, high)| !(low..=high).contains(&value));
         outside.map(|(key, value, low, high)| (key, format!("must be {low} to {high}, is {value}"))).collect()
@@ -101,6 +102,10 @@ impl Config {
             ("grpc.tls.cert", own.map(|tls| &tls.cert)),
             ("grpc.tls.key", own.map(|tls| &tls.key)),
             ("grpc.tls.client_ca", own.and_then(|tls| tls.client_ca.as_ref())),
+            ("mqtt.password_file", self.mqtt.password_file.as_ref()),
+            ("mqtt.ca", self.mqtt.ca.as_ref()),
+            ("mqtt.cert", self.mqtt.cert.as_ref()),
+            ("mqtt.key", self.mqtt.key.as_ref()),
             ("healthcheck.ca", probe.ca.as_ref()),
             ("healthcheck.cert", probe.cert.as_ref()),
             ("healthcheck.key", probe.key.as_ref()),

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::server::WebPkiClientVerifier;
-use rustls::{RootCertStore, ServerConfig};
+use rustls::{ClientConfig, RootCertStore, ServerConfig};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
@@ -185,6 +185,42 @@ fn config(section: &str, files: &TlsConfig, contents: &Contents) -> Result<Arc<S
     let mut config =
         builder.with_single_cert(chain, key).map_err(|error| problem("cert", &files.cert, error.to_string()))?;
     config.alpn_protocols = PROTOCOLS.map(<[u8]>::to_vec).to_vec();
+    Ok(Arc::new(config))
+}
+
+/// Encryption of connections to a server whose certificate must be signed by one of the file `ca`; with the files of a certificate
+/// chain and its key where it has to be shown who asks.
+///
+/// # Errors
+/// [`TlsError`] with the key `ca`, `cert` or `key` of the section where a file cannot be read or used.
+pub(crate) fn client_config(
+    section: &str,
+    ca: &Path,
+    own: Option<(&Path, &Path)>,
+) -> Result<Arc<ClientConfig>, TlsError> {
+    let problem = |key: &str, path: &Path, reason: String| TlsError {
+        key: format!("{section}.{key}"),
+        reason: format!("{}: {reason}", path.display()),
+    };
+    let read = |key: &str, path: &Path| std::fs::read(path).map_err(|error| problem(key, path, error.to_string()));
+    let mut roots = RootCertStore::empty();
+    for certificate in certificates(&read("ca", ca)?).map_err(|reason| problem("ca", ca, reason))? {
+        roots.add(certificate).map_err(|error| problem("ca", ca, error.to_string()))?;
+    }
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let builder = ClientConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .map_err(|error| TlsError { key: section.to_owned(), reason: error.to_string() })?
+        .with_root_certificates(roots);
+    let config = match own {
+        None => builder.with_no_client_auth(),
+        Some((cert, key)) => {
+            let chain = certificates(&read("cert", cert)?).map_err(|reason| problem("cert", cert, reason))?;
+            let private = PrivateKeyDer::from_pem_slice(&read("key", key)?)
+                .map_err(|error| problem("key", key, format!("no private key can be read from it: {error}")))?;
+            builder.with_client_auth_cert(chain, private).map_err(|error| problem("cert", cert, error.to_string()))?
+        }
+    };
     Ok(Arc::new(config))
 }
 

@@ -2,6 +2,7 @@
 
 mod connections;
 pub(crate) mod machines;
+mod mqtt;
 pub(crate) mod open;
 
 use std::collections::HashMap;
@@ -10,6 +11,7 @@ use std::time::{Duration, Instant};
 
 pub use connections::ConnectionMetrics;
 use feedwave_store::{Observer, Tenant};
+pub use mqtt::MqttMetrics;
 use prometheus::proto::MetricFamily;
 use prometheus::{
     Counter, Encoder, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts,
@@ -81,6 +83,8 @@ pub struct Metrics {
     pub jobs: IntGaugeVec,
     /// Connections, and what clients take up.
     pub connections: ConnectionMetrics,
+    /// What is published by MQTT.
+    pub mqtt: MqttMetrics,
 }
 
 /// Bounds of the time histograms, s: from what a read of the store takes to what a long stream does.
@@ -177,6 +181,7 @@ impl Metrics {
             store_writable: registrar.gauge("feedwave_store_writable", "1 while the store can be written."),
             jobs: registrar.gauges("feedwave_jobs", "Jobs stored.", &["state"]),
             connections: ConnectionMetrics::new(&registrar),
+            mqtt: MqttMetrics::new(&registrar),
             registry: registrar.0,
         }
     }

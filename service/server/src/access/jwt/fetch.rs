@@ -1,19 +1,18 @@
 //! Asks an identity provider for its keys: one GET, bounded in time and size, without redirects.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
 use http::{Request, StatusCode, Uri, header};
 use http_body_util::{BodyExt as _, Empty, Limited};
 use hyper_util::rt::TokioIo;
-use rustls::pki_types::pem::PemObject as _;
-use rustls::pki_types::{CertificateDer, ServerName};
-use rustls::{ClientConfig, RootCertStore};
+use rustls::pki_types::ServerName;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio_rustls::TlsConnector;
+
+use crate::connections::client_config;
 
 /// How long it may take in all.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(5);
@@ -39,7 +38,10 @@ impl Endpoint {
         let is_https = uri.scheme_str() == Some("https");
         let port = uri.port_u16().unwrap_or(if is_https { 443 } else { 80 });
         let tls = match (is_https, ca) {
-            (true, Some(ca)) => Some(connector(ca)?),
+            (true, Some(ca)) => {
+                let config = client_config("auth.jwt", ca, None).map_err(|error| error.reason)?;
+                Some(TlsConnector::from(config))
+            }
             (true, None) => return Err("https needs the certificates that the provider's is signed by".to_owned()),
             (false, _) => None,
         };
@@ -95,23 +97,4 @@ impl Endpoint {
             _ = connection => exchange.await,
         }
     }
-}
-
-fn connector(ca: &Path) -> Result<TlsConnector, String> {
-    let failed = |reason: String| format!("{}: {reason}", ca.display());
-    let mut roots = RootCertStore::empty();
-    for certificate in CertificateDer::pem_file_iter(ca).map_err(|error| failed(error.to_string()))? {
-        let certificate = certificate.map_err(|error| failed(error.to_string()))?;
-        roots.add(certificate).map_err(|error| failed(error.to_string()))?;
-    }
-    if roots.is_empty() {
-        return Err(failed("it has no certificate".to_owned()));
-    }
-    let provider = Arc::new(rustls::crypto::ring::default_provider());
-    let config = ClientConfig::builder_with_provider(provider)
-        .with_safe_default_protocol_versions()
-        .map_err(|error| failed(error.to_string()))?
-        .with_root_certificates(roots)
-        .with_no_client_auth();
-    Ok(TlsConnector::from(Arc::new(config)))
 }

@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# Runs the tests that need an MQTT broker: each starts Debian's mosquitto on a port and in a folder of its own, and ends it.
+#
+#   tests/mqtt/run.sh [COMMAND]...
+#
+# The tests, or the command, which finds in FEEDWAVE_TEST_MOSQUITTO the folder of the programs. These are the ones that are installed, or
+# else packages unpacked into the target directory, so that nothing is installed.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+root=${CARGO_TARGET_DIR:-$PWD/target}/ci/mosquitto
+readonly packages=(mosquitto mosquitto-clients libmosquitto1 libcjson1 libwrap0 libdlt2)
+readonly programs=(mosquitto mosquitto_sub mosquitto_passwd)
+
+missing() {
+    echo "mosquitto cannot be had: $1" >&2
+    exit 1
+}
+
+# The path of a program below a folder.
+find_program() {
+    local place
+    for place in usr/sbin usr/bin; do
+        [[ -x $1/$place/$2 ]] && echo "$1/$place/$2" && return
+    done
+    return 1
+}
+
+unpack() {
+    command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || missing "it comes from Debian's packages, and there is no apt-get"
+    rm -rf "$root"
+    mkdir -p "$root/packages"
+    for package in "${packages[@]}"; do
+        (cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
+            (apt-get update >/dev/null 2>&1 && cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
+            missing "apt-get download $package failed: $(tail -n 1 "$root/apt.log")"
+    done
+    for package in "$root"/packages/*.deb; do
+        dpkg-deb -x "$package" "$root"
+    done
+    touch "$root/complete"
+}
+
+base=
+for program in "${programs[@]}"; do
+    find_program "" "$program" >/dev/null || base=$root
+done
+[[ -z $base || -e $root/complete ]] || unpack
+
+# One folder for programs of two, with the libraries that come with them.
+folder=$(mktemp -d "${TMPDIR:-/tmp}/feedwave-mqtt.XXXXXX")
+trap 'rm -rf "$folder"' EXIT
+trap 'exit 1' INT TERM HUP
+libraries=${base:+$base/usr/lib/$(dpkg --print-architecture | sed 's/amd64/x86_64/; s/arm64/aarch64/')-linux-gnu}
+for program in "${programs[@]}"; do
+    path=$(find_program "$base" "$program") || missing "there is no $program"
+    printf '#!/bin/sh\nexec env %s%q "$@"\n' \
+        "${libraries:+LD_LIBRARY_PATH=$(printf %q "$libraries") }" "$path" >"$folder/$program"
+    chmod +x "$folder/$program"
+done
+
+export FEEDWAVE_TEST_MOSQUITTO=$folder
+"$folder/mosquitto" -h | head -n 1 || true
+if [[ $# -gt 0 ]]; then
+    "$@"
+else
+    cargo test --workspace --test end_to_end -- mqtt:: --include-ignored
+fi
