@@ -132,9 +132,8 @@ impl Default for Block {
 impl Block {
     /// Reads a line (without its terminator) into this block, replacing the block before. `mark` is how far `findings` was
     /// filled before.
-    // As long as the kinds of tokens, in one loop: every block of a program goes through it, and a call here costs all of them.
     #[allow(clippy::too_many_arguments, reason = "each is borrowed from another part of the interpreter")]
-    #[inline(always)]
+    #[inline]
     pub(crate) fn parse(
         &mut self,
         line: &[u8],
@@ -147,9 +146,46 @@ impl Block {
     ) {
         (self.program, self.line) = (program, line_number);
         self.clear();
+        let at = self.parse_words(line, table, findings);
+        if at < line.len() {
+            self.parse_others(at, line, table, block_delete, system, findings, mark);
+        }
+    }
+
+    /// Reads the plain words at the start of a line: where something else begins, or the end. Most lines have nothing else; a loop of
+    /// its own for them is a small one.
+    #[inline(never)]
+    fn parse_words(&mut self, line: &[u8], table: &CodeTable, findings: &mut FindingLog) -> usize {
+        let mut tokens = Lexer::new(line);
+        while let Some(token) = tokens.next_word() {
+            if token.letter == b'O' {
+                return token.start as usize;
+            }
+            self.add_word(token, table, findings);
+            if self.rest.is_some() {
+                return line.len();
+            }
+        }
+        tokens.place()
+    }
+
+    /// Reads a line from its first token on that is no plain word.
+    // As long as the kinds of tokens.
+    #[allow(clippy::too_many_arguments, reason = "those of `parse`")]
+    #[inline(never)]
+    fn parse_others(
+        &mut self,
+        at: usize,
+        line: &[u8],
+        table: &CodeTable,
+        block_delete: bool,
+        system: System<'_>,
+        findings: &mut FindingLog,
+        mark: &FindingMark,
+    ) {
         let mut slash_seen = false;
         let mut looked = false;
-        let mut tokens = Lexer::new(line);
+        let mut tokens = Lexer::from(line, at);
         let o_words = || table.dialect.flow == Flow::OWords;
         loop {
             if let Some(token) = tokens.next_word() {
@@ -356,6 +392,18 @@ impl Block {
     #[inline]
     pub(crate) const fn has_codes_besides_motion(&self) -> bool {
         self.groups & !(1 << Group::Motion as u32) != 0 || !self.machine.is_empty()
+    }
+
+    /// Whether the block is nothing but words of these letters and perhaps a line number and a code of motion.
+    #[inline]
+    pub(crate) const fn is_motion_of(&self, letters: u32) -> bool {
+        self.letters & !(letters | letter_bit(b'N')) == 0
+            && !self.has_codes_besides_motion()
+            && !self.needs_assigning()
+            && self.unread == 0
+            && !self.unclear
+            && !self.has_comma_words()
+            && self.percent.is_none()
     }
 
     /// Adds a word: most are of an axis or a parameter and the first of their letter, and need nothing but their place.

@@ -172,8 +172,16 @@ impl Dialect {
 
     /// Mask of the letters that name an axis.
     fn axis_letters(&self) -> u32 {
-        let names_axis = |letter: &Letter| matches!(letter, Letter::Axis(_) | Letter::Increment(_));
-        let bits = self.letters.iter().enumerate().map(|(place, letter)| u32::from(names_axis(letter)) << place);
+        self.letters_that(|letter| matches!(letter, Letter::Axis(_) | Letter::Increment(_)))
+    }
+
+    /// Mask of the letters that say where a linear axis goes, or how far.
+    fn linear_letters(&self) -> u32 {
+        self.letters_that(|letter| matches!(letter, Letter::Axis(axis) | Letter::Increment(axis) if !axis.is_rotary()))
+    }
+
+    fn letters_that(&self, is_meant: impl Fn(&Letter) -> bool) -> u32 {
+        let bits = self.letters.iter().enumerate().map(|(place, letter)| u32::from(is_meant(letter)) << place);
         bits.sum()
     }
 }

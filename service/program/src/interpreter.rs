@@ -21,6 +21,7 @@ mod probe;
 mod saved;
 mod spindle;
 mod spline;
+mod straight;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -47,6 +48,7 @@ use execute::Execution;
 pub(crate) use flow::{FlowState, Statement, called_program, classify, digits, name};
 use flow::{Index, Indexer};
 pub(crate) use lines::find_line_end;
+use straight::Straight;
 pub(crate) use system::System;
 
 pub(crate) use angle::AngleLine;
@@ -98,6 +100,8 @@ pub struct Interpreter {
     indexing: Option<Box<Indexer>>,
     /// The moves of the turning cycle that is being carried out. They are no part of the state: they are made anew.
     steps: Option<Arc<[turning::Step]>>,
+    /// Whether blocks of linear axes alone are straight moves. It is no part of the state: it follows from it.
+    straight: Straight,
     /// Storage of the present line's words, reused.
     block: Block,
     /// Corners behind operations of the present block, by the places of these; empty between lines.
@@ -128,6 +132,7 @@ impl Interpreter {
             indexes: Vec::new(),
             indexing: None,
             steps: None,
+            straight: Straight::default(),
             block: Block::default(),
             corners: Vec::new(),
         };
@@ -266,6 +271,9 @@ impl Interpreter {
             System { state: &self.state, settings: &self.settings, dialect: self.table.dialect, tools: &self.tools };
         let place = (self.state.place.program, number);
         self.block.parse(line, place, &self.table, self.settings.block_delete, system, findings, &mark);
+        if self.moves_straight(&mark, operations, findings) {
+            return;
+        }
         if self.block.unclear
             && let Some(foreign) = foreign::recognise(line, !self.state.evidence.is_readable())
         {

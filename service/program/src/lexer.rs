@@ -124,7 +124,12 @@ impl<'a> Lexer<'a> {
     /// A lexer at the start of `line`, which is no longer than 4 GiB and holds no line feed.
     #[must_use]
     pub const fn new(line: &'a [u8]) -> Self {
-        Self { line, at: 0 }
+        Self::from(line, 0)
+    }
+
+    /// A lexer at a place in a line where a token begins.
+    pub(crate) const fn from(line: &'a [u8], at: usize) -> Self {
+        Self { line, at }
     }
 
     #[inline]
@@ -231,6 +236,12 @@ impl<'a> Lexer<'a> {
 }
 
 impl Lexer<'_> {
+    /// Where the next token begins, or blanks before it.
+    #[inline]
+    pub(crate) const fn place(&self) -> usize {
+        self.at
+    }
+
     /// Whether nothing is left. Blanks may be, before [`Lexer::next_word`] was asked.
     #[inline]
     pub(crate) const fn is_at_end(&self) -> bool {

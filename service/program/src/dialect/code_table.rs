@@ -22,6 +22,8 @@ pub(crate) struct CodeTable {
     pub(crate) dialect: &'static Dialect,
     /// Mask of the letters that name an axis.
     pub(crate) axis_letters: u32,
+    /// Those of them of linear axes.
+    pub(crate) linear_letters: u32,
     codes: Vec<Code>,
     /// M codes of the machine, ascending.
     machine: Vec<MachineRule>,
@@ -43,6 +45,7 @@ impl CodeTable {
         let mut table = Self {
             dialect,
             axis_letters: dialect.axis_letters() & !angles,
+            linear_letters: dialect.linear_letters(),
             codes: Vec::new(),
             machine: machine_codes::rules(settings),
             index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),

@@ -230,8 +230,9 @@ pub(super) static MILL: Dialect = Dialect {
 const MILL_G_CODES: &[Code] = &[
     code(120, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, clockwise")),
     code(130, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, counter-clockwise")),
-    code(700, Group::NonModal, Meaning::Unsupported("the bolt hole circle of Haas controls")),
-    code(710, Group::NonModal, Meaning::Unsupported("the bolt hole arc of Haas controls")),
+    code(470, Group::NonModal, Meaning::Unsupported("text engraving of Haas controls")),
+    code(700, Group::NonModal, Meaning::Unsupported("the bolt hole circle of Haas controls; for inches write G20")),
+    code(710, Group::NonModal, Meaning::Unsupported("the bolt hole arc of Haas controls; for millimetres write G21")),
     code(720, Group::NonModal, Meaning::Unsupported("bolt holes along an angle of Haas controls")),
     code(1_030, Group::NonModal, Meaning::BlockLimit),
     code(1_070, Group::NonModal, Meaning::Unsupported("cylindrical mapping of Haas controls")),

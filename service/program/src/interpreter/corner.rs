@@ -240,6 +240,16 @@ fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), &'stati
         (0..step.end.len()).any(|axis| !planar(axis) && step.start[axis] != step.end[axis])
             || step.arc.is_some_and(|arc| arc.plane != corner.plane)
     };
+    let turns = |step: &Move| {
+        let rotary = |axis: &Axis| axis.is_rotary() && step.start[axis.index()] != step.end[axis.index()];
+        Axis::ALL.iter().any(rotary)
+    };
+    if turns(first) || turns(last) {
+        return Err(
+            "A, B or C moves as an axis; if A and C are words of the drawing here, language.plain_drawing_words of \
+                    the machine profile says so",
+        );
+    }
     if outside(first) || outside(last) {
         return Err("a move leaves the plane");
     }

@@ -22,6 +22,16 @@ const M_PER_FOOT: f64 = 0.3048;
 /// every time and every ratio derived from them finite.
 pub(super) const LEAST_RATE: f64 = 1e-9;
 
+/// A length of a word, mm, or its number where nothing is in inches: decimal-point rule, then unit.
+#[inline]
+pub(super) fn scaled_length(rule: DecimalPointRule, inch: bool, word: &Word) -> f64 {
+    let mut value = word.number.value();
+    if rule == DecimalPointRule::LeastIncrement && !word.number.has_point() {
+        value /= if inch { 10_000.0 } else { 1_000.0 };
+    }
+    if inch { value * MM_PER_INCH } else { value }
+}
+
 /// A block in execution.
 pub(super) struct Execution<'a> {
     pub(super) settings: &'a LanguageSettings,
@@ -174,12 +184,7 @@ impl Execution<'_> {
     /// A length (mm) or angle (degrees) of a word: decimal-point rule, then units.
     #[inline]
     pub(super) fn scaled(&self, word: &Word, is_length: bool) -> f64 {
-        let inch = is_length && self.state.inch;
-        let mut value = word.number.value();
-        if self.settings.decimal_point == DecimalPointRule::LeastIncrement && !word.number.has_point() {
-            value /= if inch { 10_000.0 } else { 1_000.0 };
-        }
-        if inch { value * MM_PER_INCH } else { value }
+        scaled_length(self.settings.decimal_point, is_length && self.state.inch, word)
     }
 
     /// An X length of a word, mm on the radius: half of it where X words are diameters.

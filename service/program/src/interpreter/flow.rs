@@ -372,6 +372,11 @@ impl FlowState {
         self.still_blocks = 0;
     }
 
+    /// Whether a macro is run behind every block that moves.
+    pub(super) const fn calls_after_moves(&self) -> bool {
+        !self.modal.is_empty()
+    }
+
     /// Whether lines may be executed more than once.
     pub(super) const fn has_jumped(&self) -> bool {
         self.has_jumped

@@ -130,6 +130,8 @@ impl Execution<'_> {
             Some((Meaning::Rapid, _)) => return,
             Some((Meaning::Linear, _)) => Motion::Linear,
             Some(_) => Motion::Unclear,
+            // What an earlier finding left unclear may be a rapid.
+            None if self.state.motion == Motion::Unclear => return,
             None => self.state.motion,
         };
         let code = match motion {

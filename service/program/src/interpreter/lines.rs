@@ -1,6 +1,6 @@
 //! How bytes become lines: where a line ends, one that is too long, and what is passed over.
 
-use super::{Interpreter, LineOutcome};
+use super::{Interpreter, LineOutcome, Straight};
 use crate::code;
 use crate::foreign;
 use crate::{Finding, FindingLog, Operation, SourceSpan};
@@ -116,6 +116,7 @@ impl Interpreter {
         self.state.last_line_bytes = 0;
         // Any word may have stood in it.
         self.state.unread = u32::MAX;
+        self.straight = Straight::Unknown;
         if self.state.has_ended() {
             return self.report_trailing(start, line, findings);
         }

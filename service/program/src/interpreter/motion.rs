@@ -7,8 +7,8 @@ use super::spline::is_point;
 use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{Code, FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
-use crate::state::Motion;
-use crate::{ArcGeometry, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position};
+use crate::state::{InterpreterState, Motion};
+use crate::{ArcGeometry, AxisSet, Feed, Finding, Move, MoveKind, Operation, OperationKind, PathControl, Position};
 
 /// The letters of an arc's centre.
 const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
@@ -421,8 +421,10 @@ impl Execution<'_> {
         if self.state.coords.transform.is_some() {
             return self.emit_transformed(kind, end, arc, feed);
         }
-        let step = self.programmed_move(kind, end, arc, feed);
-        self.operations.push(crate::Operation { span: self.block.span(), kind: OperationKind::Move(step) });
+        let (span, path_control, state) = (self.block.span(), self.path_control(), &*self.state);
+        let step = || programmed_move(state, path_control, kind, end, arc, feed);
+        // In place, where a push would make the operation first and copy it then.
+        self.operations.extend(core::iter::once_with(|| Operation { span, kind: OperationKind::Move(step()) }));
     }
 
     /// The same in transformed coordinates.
@@ -436,29 +438,36 @@ impl Execution<'_> {
     /// A straight move to `end` under the present modal states.
     #[inline]
     pub(super) fn new_move(&self, kind: MoveKind, end: Position, feed: Feed) -> Move {
-        let step = self.programmed_move(kind, &end, None, feed);
+        let step = programmed_move(self.state, self.path_control(), kind, &end, None, feed);
         match &self.state.coords.transform {
             None => step,
             Some(transform) => Move { start: transform.apply(&step.start), end: transform.apply(&step.end), ..step },
         }
     }
+}
 
-    /// The same in the coordinates that are programmed.
-    #[inline(always)]
-    fn programmed_move(&self, kind: MoveKind, end: &Position, arc: Option<ArcGeometry>, feed: Feed) -> Move {
-        Move {
-            kind,
-            start: self.state.position,
-            end: *end,
-            work_offset: self.machine_offset(),
-            arc,
-            spline: None,
-            path_control: self.path_control(),
-            feed,
-            spindle: self.state.spindle(),
-            tool: self.state.tool,
-            cycle: None,
-        }
+/// A move to `end` under the present modal states, in the coordinates that are programmed.
+#[inline(always)]
+fn programmed_move(
+    state: &InterpreterState,
+    path_control: PathControl,
+    kind: MoveKind,
+    end: &Position,
+    arc: Option<ArcGeometry>,
+    feed: Feed,
+) -> Move {
+    Move {
+        kind,
+        start: state.position,
+        end: *end,
+        work_offset: state.coords.total,
+        arc,
+        spline: None,
+        path_control,
+        feed,
+        spindle: state.spindle(),
+        tool: state.tool,
+        cycle: None,
     }
 }
 

@@ -23,6 +23,7 @@ mod path_control;
 mod refused_words;
 mod requests;
 mod splines;
+mod straight;
 mod thread_cycles;
 mod threads;
 mod tilted;
