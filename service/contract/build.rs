@@ -1,6 +1,9 @@
 //! Compiles the contract in `proto/` with a protobuf compiler written in Rust, so that building needs no system
 //! package. The descriptor set keeps the comments; it feeds reflection and the JSON mapping.
 
+#[path = "build/lines.rs"]
+mod lines;
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -26,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let descriptors = compiler.file_descriptor_set();
     assert!(descriptors.encoded_len() > 0, "the contract is empty");
+    fs::write(out_dir.join("lines.rs"), lines::generate(&descriptors)?)?;
     let mut config = tonic_prost_build::Config::new();
     // The JSON mapping finds a message's descriptor by its name.
     config.enable_type_names();

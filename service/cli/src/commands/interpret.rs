@@ -60,14 +60,14 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
     let mut interpretation = Interpretation::new(&config);
     let mut output = io::stdout().lock();
     let failed = |error: io::Error| CliError::written("standard output", &error);
-    let (mut lines, mut series) = (Vec::new(), json::Series::new());
+    let (mut lines, mut actions) = (Vec::new(), json::Actions::default());
     loop {
         let step = interpretation.step();
         for operation in interpretation.take_operations() {
             let action = action_to_proto(&operation, &config.programs);
             match args.format {
                 Format::Text => lines.extend_from_slice(text(&action).as_bytes()),
-                Format::Jsonl => series.append(&action, &mut lines),
+                Format::Jsonl => actions.append(action, &mut lines),
             }
             lines.push(b'\n');
         }

@@ -3,7 +3,6 @@
 //! It writes what the mapping of `prost_reflect` writes, byte for byte; that one first makes a map of every message with a value for
 //! every field, which costs several times as much. A test holds both against each other for every message of the contract.
 
-mod memory;
 #[cfg(test)]
 mod tests;
 
@@ -18,8 +17,6 @@ use serde_json::ser::{CompactFormatter, Formatter};
 
 use super::wire::{self, Raw, Record};
 use crate::proto::DESCRIPTORS;
-
-use memory::Memory;
 
 /// Every message of the contract.
 static MESSAGES: LazyLock<Messages> = LazyLock::new(|| Messages::of(&DESCRIPTORS));
@@ -49,10 +46,6 @@ struct FieldRow {
     value: ValueKind,
     /// What is written where a single value is absent: most fields of most messages are.
     absent: String,
-    /// Comma, name and colon as they are without spaces, so that they are copied at once.
-    joined: String,
-    /// The same with the absent value.
-    joined_absent: String,
 }
 
 /// When a field is written.
@@ -105,29 +98,8 @@ enum ValueKind {
 
 /// Appends a message as JSON; `bytes` is its encoding by its generated type.
 pub(super) fn write<F: Formatter>(full_name: &str, bytes: &[u8], format: &mut F, json: &mut Vec<u8>) {
-    let mut writer = Writer { messages: &MESSAGES, format, json, compact: None };
+    let mut writer = Writer { messages: &MESSAGES, format, json };
     writer.message(MESSAGES.row(full_name), bytes).expect("writing into memory does not fail");
-}
-
-/// Writes messages of one kind without spaces.
-#[derive(Clone, Debug)]
-pub(super) struct SeriesWriter {
-    row: &'static MessageRow,
-    memory: Memory,
-}
-
-impl SeriesWriter {
-    /// A writer of messages of this name.
-    pub(super) fn new(full_name: &str) -> Self {
-        Self { row: MESSAGES.row(full_name), memory: Memory::default() }
-    }
-
-    /// Appends a message as JSON; `bytes` is its encoding by its generated type.
-    pub(super) fn write(&mut self, bytes: &[u8], json: &mut Vec<u8>) {
-        let (format, compact) = (&mut CompactFormatter, Some(&mut self.memory));
-        let mut writer = Writer { messages: &MESSAGES, format, json, compact };
-        writer.message(self.row, bytes).expect("writing into memory does not fail");
-    }
 }
 
 impl Messages {
@@ -162,8 +134,7 @@ impl FieldRow {
         let value = ValueKind::of(&field.kind(), places);
         let absent = if shape == Shape::Single { value.absent().to_owned() } else { String::new() };
         let key = quoted(field.json_name());
-        let joined = format!(",{key}:");
-        Self { number: field.number(), key, shape, value, joined_absent: format!("{joined}{absent}"), absent, joined }
+        Self { number: field.number(), key, shape, value, absent }
     }
 }
 
@@ -252,8 +223,6 @@ struct Writer<'a, F> {
     messages: &'a Messages,
     format: &'a mut F,
     json: &'a mut Vec<u8>,
-    /// Where the format is without spaces, what it wrote before.
-    compact: Option<&'a mut Memory>,
 }
 
 impl<F: Formatter> Writer<'_, F> {
@@ -280,15 +249,9 @@ impl<F: Formatter> Writer<'_, F> {
                 continue;
             }
             let is_absent = present.is_none() && field.shape == Shape::Single;
-            if self.compact.is_some() {
-                let text = if is_absent { &field.joined_absent } else { &field.joined };
-                // Without the comma in front of the first.
-                self.json.extend_from_slice(&text.as_bytes()[usize::from(is_first)..]);
-            } else {
-                self.key(field, is_first)?;
-                if is_absent {
-                    self.format.write_raw_fragment(self.json, &field.absent)?;
-                }
+            self.key(field, is_first)?;
+            if is_absent {
+                self.format.write_raw_fragment(self.json, &field.absent)?;
             }
             is_first = false;
             match present {
@@ -377,27 +340,12 @@ impl<F: Formatter> Writer<'_, F> {
                     Err(_) => self.format.write_i32(self.json, number),
                 }
             }
-            ValueKind::Message(place) => self.nested(*place, value.bytes()),
+            ValueKind::Message(place) => self.message(&self.messages.rows[*place], value.bytes()),
             ValueKind::WellKnown(descriptor) => {
                 let message = DynamicMessage::decode(descriptor.clone(), value.bytes()).map_err(io::Error::other)?;
                 Ok(serde_json::to_writer(&mut *self.json, &message)?)
             }
         }
-    }
-
-    /// A message within another.
-    fn nested(&mut self, place: usize, bytes: &[u8]) -> io::Result<()> {
-        let known = self.compact.as_mut().and_then(|memory| memory.find(place, bytes));
-        if let Some(text) = known {
-            self.json.extend_from_slice(text);
-            return Ok(());
-        }
-        let from = self.json.len();
-        self.message(&self.messages.rows[place], bytes)?;
-        if let Some(memory) = &mut self.compact {
-            memory.keep(place, bytes, &self.json[from..]);
-        }
-        Ok(())
     }
 
     /// A number of 64 bits, which not every reader of JSON keeps.
@@ -413,7 +361,7 @@ impl<F: Formatter> Writer<'_, F> {
 }
 
 /// The name of what is no number in JSON.
-fn special(value: f64) -> Option<&'static str> {
+pub(super) fn special(value: f64) -> Option<&'static str> {
     match value {
         _ if value.is_finite() => None,
         f64::INFINITY => Some("\"Infinity\""),

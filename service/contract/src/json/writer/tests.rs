@@ -128,9 +128,9 @@ proptest! {
     }
 
     #[test]
-    fn a_series_is_written_as_its_messages_are(seed: u64) {
+    fn actions_are_written_as_the_mapping_does(seed: u64) {
         let mut dice = Dice(seed);
-        let mut series = json::Series::new();
+        let mut actions = json::Actions::default();
         let mut action = proto::Action::default();
         for _ in 0..40 {
             let other: proto::Action = message(&json::descriptor::<proto::Action>(), &mut dice, 3).transcode_to().unwrap();
@@ -142,7 +142,7 @@ proptest! {
                 _ => {}
             }
             let mut json = Vec::new();
-            series.append(&action, &mut json);
+            actions.append(action.clone(), &mut json);
             prop_assert_eq!(String::from_utf8(json).unwrap(), json::to_string(&action));
         }
     }
