@@ -91,7 +91,10 @@ proptest! {
             2 => LanguageSettings::linuxcnc(),
             _ => LanguageSettings { plain_drawing_words: true, ..LanguageSettings::default() },
         };
-        let text = |behind: &str| blocks.iter().map(|block| format!("{block}{behind}\n")).collect::<String>();
+        let text = |behind: &str| {
+            let lines = blocks.iter().map(|block| format!("{block}{behind}\n"));
+            lines.chain(["M30\n".to_owned()]).collect::<String>()
+        };
         let (run, run_findings, run_state) = read(&text(""), &settings);
         let (single, single_findings, single_state) = read(&text(" (-)"), &settings);
         prop_assert_eq!(run, single);
