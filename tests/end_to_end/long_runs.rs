@@ -17,8 +17,14 @@ use crate::live_runs::{PART, config};
 /// Setpoints between two checkpoints of a run.
 const INTERVAL: u64 = 1 << 17;
 /// 13 s of turning are twice as many setpoints as a checkpoint is behind another.
-const SETTINGS: RunSettings =
-    RunSettings { interpolation_period_us: 50, generation_mode: 0, frame: 0, monitoring: None, plans_spindle: false };
+const SETTINGS: RunSettings = RunSettings {
+    interpolation_period_us: 50,
+    generation_mode: 0,
+    frame: 0,
+    monitoring: None,
+    plans_spindle: false,
+    recording: None,
+};
 
 /// A job whose telemetry may be judged.
 async fn monitored_job(server: &Server) -> String {

@@ -21,6 +21,7 @@ mod guided_curves;
 mod hostile;
 mod identity_provider;
 mod jobs;
+mod learning;
 mod lifecycle;
 mod live_runs;
 mod live_stream;

@@ -270,7 +270,7 @@ impl Ingest {
         use feedwave_contract::proto::ingest_response::Message;
         let mut client = TelemetryClient::new(server.connect().await.channel);
         let (requests, outgoing) = mpsc::channel(256);
-        let start = IngestStart { target: Some(ingest_start::Target::Job(job)), sensor_time_ns: None };
+        let start = IngestStart { target: Some(ingest_start::Target::Job(job)), sensor_time_ns: None, recording: None };
         let start = IngestRequest { message: Some(ingest_request::Message::Start(start)) };
         requests.send(start).await.expect("a first message");
         let mut responses = client.ingest(ReceiverStream::new(outgoing)).await.expect("a run").into_inner();

@@ -95,7 +95,7 @@ async fn ingest(server: &Server, job: &str, heard: &mut Heard, messages: usize) 
     let mut client = TelemetryClient::new(server.connect().await.channel);
     let (requests, outgoing) = mpsc::channel(16);
     let target = if heard.run.is_empty() { Target::Job(job.to_owned()) } else { Target::Run(heard.run.clone()) };
-    let start = Request::Start(IngestStart { target: Some(target), sensor_time_ns: None });
+    let start = Request::Start(IngestStart { target: Some(target), sensor_time_ns: None, recording: None });
     requests.send(IngestRequest { message: Some(start) }).await.expect("a first message");
     let mut responses = client.ingest(ReceiverStream::new(outgoing)).await.expect("a session").into_inner();
     let mut sender = None;

@@ -16,6 +16,7 @@ pub mod healthcheck;
 mod improve;
 mod installation;
 mod interpret;
+mod learn;
 mod lobes;
 mod local;
 mod lsp;
@@ -94,6 +95,12 @@ pub enum Command {
     /// Computes stability lobes of milling or turning from the modes of the tool, of the command line or of the tool library
     /// of a running service, and from them the best speed of every band: the spindle table of the monitoring.
     Lobes(lobes::Args),
+    /// Learn cutting forces, run-out and natural frequencies from runs, for the tool library
+    ///
+    /// Estimates them by least squares from the steady cuts that runs kept (`feedwave run --record`), each with its uncertainty,
+    /// and shows what was used and left out, what the tool would become, and which spindle table would follow. Nothing is changed
+    /// without --adopt.
+    Learn(learn::Args),
     /// Send a program to a running service and show what it found
     ///
     /// The job is stored durably before the service answers. Small programs travel with the request; larger ones are
@@ -180,6 +187,7 @@ impl Command {
             Self::Interpret(args) => interpret::run(args),
             Self::ThreadPlan(args) => thread_plan::run(args),
             Self::Lobes(args) => lobes::run(args).await,
+            Self::Learn(args) => learn::run(args).await,
             Self::Submit(args) => submit::run(args).await,
             Self::Stream(args) => stream::run(args).await,
             Self::Run(args) => run::run(args).await,

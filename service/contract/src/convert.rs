@@ -7,6 +7,7 @@ mod drilling;
 mod feed_override;
 mod functions;
 mod language;
+mod learning;
 mod lobes;
 mod machine_codes;
 mod monitoring;
@@ -32,6 +33,10 @@ pub use functions::thread::{
     thread_to_proto,
 };
 pub use functions::tool_oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};
+pub use learning::{
+    LearningPlan, MAX_LEARNING_RUNS, conditions_of, learning_names, learning_record_of, recorded_cut_to_proto,
+    recording_from_proto, recording_to_proto,
+};
 pub use lobes::{StabilityModel, pocket_search_from_proto, stability_model_from_proto};
 pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
 pub use offsets::check_offsets;

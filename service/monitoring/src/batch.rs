@@ -29,12 +29,16 @@ pub struct Batch<'a> {
     pub work: Option<Pair<'a>>,
     /// Acceleration of the commanded motion in the sensors' axes, mm/s²; subtracted from accelerations.
     pub commanded: Option<Pair<'a>>,
+    /// Velocity of the commanded motion in the sensors' axes, mm/s; says which stretches are steady cuts.
+    pub velocity_mm_per_s: Option<Pair<'a>>,
     /// Spindle angle in degrees, any number of turns.
     pub spindle_angle_deg: Option<&'a [f64]>,
     /// Independently measured spindle speed in rev/min.
     pub spindle_rev_per_min: Option<&'a [f64]>,
     /// Whether tool and work touch.
     pub contact: Option<&'a [bool]>,
+    /// Source line of the program that is being cut.
+    pub line: Option<&'a [u32]>,
 }
 
 impl Batch<'_> {
@@ -44,13 +48,19 @@ impl Batch<'_> {
         if samples > MAX_BATCH_SAMPLES {
             return Err(BatchError::TooLarge { samples, limit: MAX_BATCH_SAMPLES });
         }
-        let pairs = [("tool", self.tool), ("work", self.work), ("commanded", self.commanded)];
+        let pairs = [
+            ("tool", self.tool),
+            ("work", self.work),
+            ("commanded", self.commanded),
+            ("velocity", self.velocity_mm_per_s),
+        ];
         let pairs = pairs.into_iter().filter_map(|(name, pair)| pair.map(|pair| (name, pair)));
         let lengths = pairs
             .flat_map(|(name, pair)| [(name, pair.x.len()), (name, pair.y.len())])
             .chain(self.spindle_angle_deg.map(|column| ("spindle_angle_deg", column.len())))
             .chain(self.spindle_rev_per_min.map(|column| ("spindle_rev_per_min", column.len())))
-            .chain(self.contact.map(|column| ("contact", column.len())));
+            .chain(self.contact.map(|column| ("contact", column.len())))
+            .chain(self.line.map(|column| ("line", column.len())));
         for (column, length) in lengths {
             if length != samples {
                 return Err(BatchError::ColumnLength { column, length, samples });

@@ -9,11 +9,12 @@
 //! - **Estimate**: all parameters at once by nonlinear least squares on the deflection (output error; Ljung: System Identification,
 //!   2nd ed., Prentice Hall 1999, chapters 7 and 9) with Levenberg's and Marquardt's steps. Standard errors are those of the
 //!   linearised model, σ²·(JᵀJ)⁻¹ (Seber and Wild: Nonlinear Regression, Wiley 1989, chapter 2), times √(1 + 2·Σρ_k) where the
-//!   residuals are correlated (Bartlett).
+//!   residuals are correlated (Bartlett). A run-out is a length: its interval is that of Rice's distribution.
 //!
 //! Nothing here decides or changes anything: an estimate is a proposal.
 
 mod fit;
+mod interval;
 mod response;
 mod squares;
 
@@ -24,6 +25,7 @@ use thiserror::Error;
 
 use crate::batch::Pair;
 use crate::lobes::Mode;
+pub use response::settling_samples;
 
 /// Least samples of a record behind its settling.
 pub const MIN_RECORD_SAMPLES: usize = 500;
@@ -64,6 +66,10 @@ pub struct CutRecord<'a> {
     pub depth_mm: f64,
     /// Direction of the feed in the axes of the sensors, a unit vector.
     pub feed_direction: [f64; 2],
+    /// Spindle angle at which the first edge is where entry and exit angles count from, degrees.
+    pub first_edge_deg: f64,
+    /// Places of samples whose deflection is not known, ascending: they are not judged, whatever is there.
+    pub missing: &'a [u32],
 }
 
 /// A value with its uncertainty.
@@ -73,14 +79,23 @@ pub struct Estimate {
     pub value: f64,
     /// Its standard error.
     pub standard_error: f64,
+    /// Where the interval begins in which the true value is with a probability of 95 % at least.
+    pub lower: f64,
+    /// Where it ends.
+    pub upper: f64,
 }
 
 impl Estimate {
-    /// From where to where the true value is with a probability of 95 %.
+    /// From where to where the true value is with a probability of 95 %; of a length, which is never below 0, with 95 % at least.
     #[must_use]
-    pub fn interval(&self) -> [f64; 2] {
-        let half = 1.959_963_984_540_054 * self.standard_error;
-        [self.value - half, self.value + half]
+    pub const fn interval(&self) -> [f64; 2] {
+        [self.lower, self.upper]
+    }
+
+    /// Whether the interval is all above 0.
+    #[must_use]
+    pub fn is_positive(&self) -> bool {
+        self.lower > 0.0
     }
 }
 
@@ -163,6 +178,21 @@ pub enum LearningError {
     /// The records do not tell a parameter from the others.
     #[error("the records do not tell the {0} from the rest")]
     NotIdentifiable(&'static str),
+    /// What explains the records best is nothing that a tool or a material has: entry, exit, rotation or the tool are other ones.
+    #[error(
+        "the {what} that explains the records best is {value}, not {least} to {most}: entry and exit angle, the angle of the first \
+             edge, the depth or the modes are not those of these cuts"
+    )]
+    Implausible {
+        /// Of what.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// Least value that is possible.
+        least: f64,
+        /// Largest value that is possible.
+        most: f64,
+    },
     /// No parameters explain the records.
     #[error("the search ended after {0} steps without parameters that explain the records")]
     NoFit(u32),
@@ -206,7 +236,7 @@ fn check(model: &LearningModel, records: &[CutRecord<'_>]) -> Result<(), Learnin
         if [cut.deflection_mm.x.len(), cut.deflection_mm.y.len()] != [samples; 2] {
             return Err(LearningError::Columns { record });
         }
-        let least = MIN_RECORD_SAMPLES + response::settling_samples(model);
+        let least = MIN_RECORD_SAMPLES + settling_samples(model);
         if samples < least {
             let which = "in a record";
             return Err(LearningError::Samples { samples, which, least, most: MAX_LEARNING_SAMPLES });
@@ -215,6 +245,22 @@ fn check(model: &LearningModel, records: &[CutRecord<'_>]) -> Result<(), Learnin
         within("feed", cut.feed_mm_per_min, 1e-3, 1e6, "0.001 to 1000000 mm/min")?;
         within("depth", cut.depth_mm, 1e-6, 1e3, "0.000001 to 1000 mm")?;
         let [x, y] = cut.feed_direction;
+        within("angle of the first edge", cut.first_edge_deg, -360.0, 360.0, "-360 to 360 degrees")?;
+        if let Some(place) = cut.missing.iter().find(|place| **place as usize >= samples) {
+            let (value, permitted) = (f64::from(*place), "that of a sample");
+            return Err(LearningError::Value { field: "the place of a missing sample", value, permitted });
+        }
+        let judged = samples - settling_samples(model);
+        if judged - cut.missing.len().min(judged) < MIN_RECORD_SAMPLES {
+            let which = "of a record that are not missing";
+            let samples = judged - cut.missing.len().min(judged);
+            return Err(LearningError::Samples {
+                samples,
+                which,
+                least: MIN_RECORD_SAMPLES,
+                most: MAX_LEARNING_SAMPLES,
+            });
+        }
         within("length of the feed direction", libm::hypot(x, y), 1.0 - 1e-6, 1.0 + 1e-6, "1")?;
         let columns = [cut.deflection_mm.x, cut.deflection_mm.y, cut.spindle_angle_deg];
         if let Some(value) = columns.into_iter().flatten().find(|value| !value.is_finite()) {

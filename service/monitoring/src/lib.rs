@@ -16,6 +16,7 @@ mod learning;
 mod lobes;
 mod monitor;
 mod points;
+mod recorder;
 mod rules;
 mod spectrum;
 
@@ -30,7 +31,7 @@ pub use decision::{
 };
 pub use learning::{
     CutRecord, Estimate, LearningError, LearningModel, Learnt, LearntMode, MAX_LEARNING_SAMPLES, MAX_RECORDS,
-    MIN_RECORD_SAMPLES, learn,
+    MIN_RECORD_SAMPLES, learn, settling_samples,
 };
 pub use lobes::{
     ChartLimit, ChartPoint, LOW_IMMERSION, LOW_IMMERSION_ERROR, LobeError, LobePoint, Lobes, MillingModel, Mode,
@@ -38,6 +39,7 @@ pub use lobes::{
     stability_robustness,
 };
 pub use monitor::{Monitor, SnapshotError, State};
+pub use recorder::{CutConditions, MAX_RECORDED_CUTS, RecordedCut, Recorder, RecordingError, RecordingLimits};
 pub use rules::{
     Bounds, Escalation, EscalationAction, Fallback, FeedRule, Property, Rules, SpindleRule, SpindleTable, TableRow,
 };

@@ -2,7 +2,7 @@
 //! "State machine of one run").
 
 mod contact;
-mod input;
+pub(crate) mod input;
 mod judging;
 mod snapshot;
 mod spindle;

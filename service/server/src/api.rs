@@ -6,6 +6,7 @@ mod decisions;
 mod events;
 mod guarded;
 mod jobs;
+mod learning;
 mod lobes;
 mod log;
 mod machines;

@@ -351,6 +351,7 @@ fn name_of(kind: feedwave_store::Kind, id: &str) -> String {
         Kind::Run => "runs",
         Kind::Monitoring => return format!("jobs/{id}/monitoring"),
         Kind::Condition => return format!("runs/{id}/conditions"),
+        Kind::RecordedCut => return format!("runs/{id}"),
     };
     format!("{collection}/{id}")
 }

@@ -7,8 +7,8 @@ use feedwave_contract::names;
 use feedwave_store::{
     AttachedRun, AuditEntry, AuditFilter, DecisionFilter, DecisionRecord, EventFilter, Job, JobDetail, JobEvent,
     JobFilter, JobState, Json, Kind, MachineRecord, NewJob, NewReport, NewRun, Page, PageRequest, ProgramEntry,
-    ProgramId, ProgramInfo, Result, Run, RunCondition, Store, StoreError, StoredReport, TelemetryGap, Tenant,
-    ToolFilter, ToolRecord, UploadId, UploadInfo, UploadStart,
+    ProgramId, ProgramInfo, RecordedCutHead, Result, Run, RunCondition, Store, StoreError, StoredReport, TelemetryGap,
+    Tenant, ToolFilter, ToolRecord, UploadId, UploadInfo, UploadStart,
 };
 use tokio::sync::watch;
 use uuid::Uuid;
@@ -208,6 +208,14 @@ impl Records {
 
     pub(crate) async fn telemetry_gaps(&self, run: &Run) -> Result<Vec<TelemetryGap>> {
         self.store.telemetry_gaps(run.id).await
+    }
+
+    pub(crate) async fn recorded_cuts(&self, run: &Run) -> Result<Vec<RecordedCutHead>> {
+        self.store.recorded_cuts(run.id).await
+    }
+
+    pub(crate) async fn recorded_cut(&self, run: &Run, number: u64) -> Result<Bytes> {
+        self.store.recorded_cut(run.id, number).await
     }
 
     pub(crate) async fn acknowledge_condition(

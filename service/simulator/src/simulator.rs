@@ -42,7 +42,8 @@ struct Segment {
     end_ns: u64,
     spindle_rad_per_s: f64,
     motion: Motion,
-    /// Commanded acceleration, mm/s².
+    /// Commanded velocity, mm/s, and acceleration, mm/s².
+    velocity: [f64; 2],
     acceleration: [f64; 2],
 }
 
@@ -240,6 +241,7 @@ impl Simulator {
                 end_ns,
                 spindle_rad_per_s,
                 motion: self.forces.motion(self.feed_direction, spindle_rad_per_s),
+                velocity,
                 acceleration,
             };
             while self.sample_ns < end_ns {
@@ -291,9 +293,11 @@ impl Simulator {
             time_ns: self.sample_ns.saturating_add_signed(faulty.clock_offset_ns),
             pairs,
             commanded: segment.acceleration,
+            velocity: segment.velocity,
             angle_rad,
             rev_per_min: spindle_rad_per_s.abs() * (60.0 / TAU),
             contact: depth_mm.is_some(),
+            line,
         };
         let dropped = self.description.drop_rate > 0.0 && self.drops.uniform() < self.description.drop_rate;
         if !dropped {

@@ -25,9 +25,12 @@ pub(crate) struct Reading {
     /// Tool and work pair.
     pub pairs: [[f64; 2]; 2],
     pub commanded: [f64; 2],
+    /// Commanded velocity, mm/s.
+    pub velocity: [f64; 2],
     pub angle_rad: f64,
     pub rev_per_min: f64,
     pub contact: bool,
+    pub line: u32,
 }
 
 /// Which optional columns the machine has.
@@ -43,9 +46,11 @@ struct Columns {
     time_ns: Vec<u64>,
     pairs: [[Vec<f64>; 2]; 2],
     commanded: [Vec<f64>; 2],
+    velocity: [Vec<f64>; 2],
     angle_deg: Vec<f64>,
     rev_per_min: Vec<f64>,
     contact: Vec<bool>,
+    line: Vec<u32>,
     lost: [bool; 2],
     duplicate: bool,
     swap: bool,
@@ -60,9 +65,11 @@ impl Columns {
             time_ns: Vec::with_capacity(capacity),
             pairs: [[column(), column()], [column(), column()]],
             commanded: [column(), column()],
+            velocity: [column(), column()],
             angle_deg: column(),
             rev_per_min: column(),
             contact: Vec::with_capacity(capacity),
+            line: Vec::with_capacity(capacity),
             lost: [false; 2],
             duplicate: false,
             swap: false,
@@ -73,20 +80,23 @@ impl Columns {
     fn clear(&mut self) {
         self.time_ns.clear();
         let pairs = self.pairs.as_flattened_mut().iter_mut();
-        pairs.chain(&mut self.commanded).chain([&mut self.angle_deg, &mut self.rev_per_min]).for_each(Vec::clear);
+        let columns = pairs.chain(&mut self.commanded).chain(&mut self.velocity);
+        columns.chain([&mut self.angle_deg, &mut self.rev_per_min]).for_each(Vec::clear);
         self.contact.clear();
+        self.line.clear();
         self.lost = [false; 2];
         (self.duplicate, self.swap, self.lose) = (false, false, false);
     }
 
     fn push(&mut self, reading: &Reading, faulty: &Faulty) {
         self.time_ns.push(reading.time_ns);
-        let values = reading.pairs.as_flattened().iter().chain(&reading.commanded);
-        let columns = self.pairs.as_flattened_mut().iter_mut().chain(&mut self.commanded);
+        let values = reading.pairs.as_flattened().iter().chain(&reading.commanded).chain(&reading.velocity);
+        let columns = self.pairs.as_flattened_mut().iter_mut().chain(&mut self.commanded).chain(&mut self.velocity);
         columns.zip(values).for_each(|(column, &value)| column.push(value));
         self.angle_deg.push(reading.angle_rad * (180.0 / PI));
         self.rev_per_min.push(reading.rev_per_min);
         self.contact.push(reading.contact);
+        self.line.push(reading.line);
         for (lost, now) in self.lost.iter_mut().zip(faulty.lost) {
             *lost |= now;
         }
@@ -106,9 +116,11 @@ impl Columns {
             tool: pair(0),
             work: pair(1),
             commanded: has.commanded.then_some(Pair { x: &self.commanded[0], y: &self.commanded[1] }),
+            velocity_mm_per_s: Some(Pair { x: &self.velocity[0], y: &self.velocity[1] }),
             spindle_angle_deg: Some(&self.angle_deg),
             spindle_rev_per_min: Some(&self.rev_per_min),
             contact: Some(&self.contact),
+            line: Some(&self.line),
         }
     }
 }

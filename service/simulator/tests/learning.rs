@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::f64::consts::PI;
+
 use common::{Log, Path, everywhere, follow};
 use feedwave_monitoring::{CutRecord, Estimate, LearningError, LearningModel, Learnt, Mode, Pair, learn};
 use feedwave_simulator::{Description, Material, Process, SensorPair, Tool};
@@ -66,6 +68,8 @@ fn record(log: &Log, feed_mm_per_min: f64) -> CutRecord<'_> {
         feed_mm_per_min,
         depth_mm: DEPTH_MM,
         feed_direction: [0.8, 0.6],
+        first_edge_deg: 0.0,
+        missing: &[],
     }
 }
 
@@ -208,4 +212,75 @@ fn chips_that_end_before_the_exit_are_learnt_from_as_well() {
             assert!((estimate.value / truth - 1.0).abs() < 0.06, "{name}: {estimate:?}, {truth}");
         }
     }
+}
+
+#[test]
+fn a_run_out_of_zero_is_within_its_interval() {
+    let mut beyond = 0;
+    for seed in 0..24 {
+        let mut description = description(200 + seed);
+        (description.tool.run_out_mm, description.tool.edge_run_out_mm) = (0.0, 0.0);
+        let learnt = learnt(&description, &library(&description, 1.02, 1.1)).expect("learnt");
+        for estimate in [learnt.edge_run_out_mm.expect("four edges"), learnt.run_out_mm] {
+            beyond += u32::from(estimate.is_positive());
+            assert!(estimate.lower >= 0.0 && estimate.upper < 1e-3, "{estimate:?}");
+        }
+    }
+    // 2.5 % of 48 are 1.2.
+    assert!(beyond <= 5, "{beyond} of 48 intervals do not hold 0");
+}
+
+#[test]
+fn samples_that_are_missing_are_not_judged() {
+    let description = description(9);
+    let model = library(&description, 0.98, 1.1);
+    let logs = FEEDS.map(|feed| cut(&description, feed));
+    let missing: Vec<u32> = (0..SAMPLES as u32).filter(|place| place % 17 == 3).collect();
+    let mut holed = logs.clone();
+    for log in &mut holed {
+        missing.iter().for_each(|place| log.tool[0][*place as usize] = 77.0);
+    }
+    let records: Vec<_> =
+        holed.iter().zip(FEEDS).map(|(log, feed)| CutRecord { missing: &missing, ..record(log, feed) }).collect();
+    let learnt = learn(&model, &records).expect("learnt");
+    assert!((learnt.residual_mm / 4e-4 - 1.0).abs() < 0.03, "{learnt:?}");
+    for (name, estimate, truth) in estimates(&description, &learnt) {
+        assert!((estimate.value - truth).abs() < 5.0 * estimate.standard_error, "{name}: {estimate:?}, {truth}");
+    }
+}
+
+#[test]
+fn what_no_tool_has_is_not_learnt() {
+    let description = description(4);
+    let model = library(&description, 1.0, 1.0);
+    let log = cut(&description, FEEDS[1]);
+    let whole = record(&log, FEEDS[1]);
+    // The other side of the work: forces that explain the deflection would pull the chip.
+    let mirrored = LearningModel { entry_rad: PI - model.exit_rad, exit_rad: PI - model.entry_rad, ..model };
+    let backwards = CutRecord { feed_direction: [-0.8, -0.6], ..whole };
+    for (model, record) in [(model, backwards), (mirrored, backwards)] {
+        let refused = learn(&model, &[record]);
+        assert!(
+            matches!(
+                refused,
+                Err(LearningError::Implausible { .. } | LearningError::NotIdentifiable(_) | LearningError::NoFit(_))
+            ),
+            "{refused:?}"
+        );
+    }
+    // A library that is wrong by half knows another tool.
+    let refused = learn(&library(&description, 0.55, 1.0), &[whole]);
+    assert!(
+        matches!(
+            refused,
+            Err(LearningError::Implausible { .. } | LearningError::NotIdentifiable(_) | LearningError::NoFit(_))
+        ),
+        "{refused:?}"
+    );
+    // Where the first edge is somewhere else, saying so is all it takes.
+    let turned: Vec<f64> = log.spindle_angle_deg.iter().map(|angle_deg| angle_deg + 33.0).collect();
+    let turned = CutRecord { spindle_angle_deg: &turned[..SAMPLES], first_edge_deg: 33.0, ..whole };
+    let (turned, whole) = (learn(&model, &[turned]).expect("learnt"), learn(&model, &[whole]).expect("learnt"));
+    let (a, b) = (turned.tangential_n_per_mm2, whole.tangential_n_per_mm2);
+    assert!((a.value / b.value - 1.0).abs() < 1e-6, "{a:?} {b:?}");
 }

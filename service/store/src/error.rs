@@ -36,6 +36,8 @@ pub enum Kind {
     Monitoring,
     /// A condition of a run.
     Condition,
+    /// A stretch of a run's telemetry.
+    RecordedCut,
 }
 
 impl fmt::Display for Kind {
@@ -51,6 +53,7 @@ impl fmt::Display for Kind {
             Kind::Run => "run",
             Kind::Monitoring => "monitoring configuration",
             Kind::Condition => "condition of the run",
+            Kind::RecordedCut => "recorded cut",
         })
     }
 }

@@ -58,8 +58,8 @@ pub use programs::{
 pub use retention::{Removed, Retention, RetentionPolicy};
 pub use runs::{
     Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, MachineRuns, NewDecision,
-    NewRun, OpenCondition, Run, RunCheckpoint, RunCommit, RunCondition, RunKind, RunMark, RunOverride, RunSetpoints,
-    RunState, Runs, TelemetryGap, UnknownName,
+    NewRecordedCut, NewRun, OpenCondition, RecordedCutHead, Run, RunCheckpoint, RunCommit, RunCondition, RunKind,
+    RunMark, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap, UnknownName,
 };
 pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
 pub use store::{Database, Store};

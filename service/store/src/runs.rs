@@ -243,6 +243,28 @@ pub struct RunMark {
     pub digest_state: Bytes,
 }
 
+/// A stretch of a run's telemetry to be kept to learn from.
+#[derive(Debug, Clone)]
+pub struct NewRecordedCut {
+    /// Counts up from 0 in a run.
+    pub number: u64,
+    /// What lists say of it.
+    pub head: Bytes,
+    /// Its samples.
+    pub body: Bytes,
+}
+
+/// What lists say of a stretch that is kept.
+#[derive(Debug, Clone)]
+pub struct RecordedCutHead {
+    /// Counts up from 0 in a run.
+    pub number: u64,
+    /// When it was stored, microseconds since the Unix epoch.
+    pub at_us: i64,
+    /// What was given as the head.
+    pub head: Bytes,
+}
+
 /// What happened in a run since the last commit; all of it becomes durable at once.
 #[derive(Debug, Clone, Default)]
 pub struct RunCommit {
@@ -254,6 +276,8 @@ pub struct RunCommit {
     pub gaps: Vec<TelemetryGap>,
     /// Changes of the feed override.
     pub overrides: Vec<RunOverride>,
+    /// Stretches of telemetry to keep.
+    pub recorded_cuts: Vec<NewRecordedCut>,
     /// Setpoints so far; `None` leaves them.
     pub setpoints: Option<RunSetpoints>,
     /// End of the run with its reason.
@@ -436,6 +460,18 @@ pub trait Runs {
     /// # Errors
     /// `Unavailable`.
     async fn telemetry_gaps(&self, id: Uuid) -> Result<Vec<TelemetryGap>>;
+
+    /// Stretches that are kept of a run, by number, at most [`MAX_LISTED`].
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn recorded_cuts(&self, id: Uuid) -> Result<Vec<RecordedCutHead>>;
+
+    /// The samples of a stretch of a run.
+    ///
+    /// # Errors
+    /// `NotFound` where there is none of this number, `Corrupt`, `Unavailable`.
+    async fn recorded_cut(&self, id: Uuid, number: u64) -> Result<Bytes>;
 
     /// Decisions after position `sequence` (0 for all), oldest first, at most `limit` and never more than
     /// [`MAX_DECISIONS`].

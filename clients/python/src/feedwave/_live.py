@@ -11,13 +11,13 @@ from google.protobuf.message import Message
 
 from ._flow import Retries
 from ._names import resource, value_name, value_of
-from ._options import RunOptions
+from ._options import RunOptions, message_of
 from ._requests import column_kinds
 from ._telemetry import RECONNECT_FOR_S, Link, TelemetryInfo
 from .errors import ContractError
 from .events import Ended, Event, FeedChange, Refused, SpindleRequest
 from .setpoints import Decoder, Layout, Setpoints
-from .v1 import decisions_pb2, machines_pb2, runs_pb2, setpoints_pb2, telemetry_pb2
+from .v1 import decisions_pb2, machines_pb2, recording_pb2, runs_pb2, setpoints_pb2, telemetry_pb2
 
 # Time of the setpoints that may come ahead of those that were taken, s.
 AHEAD_S = 0.1
@@ -109,6 +109,9 @@ class LiveRun(Link):
         start.settings.interpolation_period_us = options.get("interpolation_period_us", 0)
         start.settings.generation_mode = value_of(machines_pb2.GenerationMode, options.get("generation_mode"))
         start.settings.frame = value_of(setpoints_pb2.Frame, options.get("frame"))
+        recording = options.get("recording")
+        if recording is not None:
+            start.settings.recording.CopyFrom(message_of(recording_pb2.RecordingSettings, recording))
         return runs_pb2.RunRequest(start=start)
 
     def _wrapped(self, batch: telemetry_pb2.TelemetryBatch) -> Message:

@@ -18,7 +18,7 @@ from ._names import resource
 from .errors import SourceError
 from .program import Program, ProgramSource
 from .setpoints import Override
-from .v1 import jobs_pb2, machines_pb2, oscillation_pb2
+from .v1 import jobs_pb2, machines_pb2, oscillation_pb2, recording_pb2
 
 M = TypeVar("M", bound=Message)
 
@@ -95,6 +95,8 @@ class RunOptions(TypedDict, total=False):
     """Time for which it is tried to take the run up again after a break, s; 60 without it."""
     sensor_time_ns: int
     """Time of the sensors' clock now, ns, so that telemetry that waited is known to be stale."""
+    recording: Said[recording_pb2.RecordingSettings]
+    """Steady cuts of the telemetry are kept to learn from, bounded so: `{}` for the defaults; nothing is without it."""
 
 
 def tools_of(tools: Iterable[str]) -> list[str]:

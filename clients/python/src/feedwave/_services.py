@@ -9,6 +9,7 @@ from .errors import AlreadyExists, NotFound, ServiceError
 from .events import Decision
 from .v1 import (
     jobs_pb2,
+    learning_pb2,
     lobes_pb2,
     machines_pb2,
     monitoring_pb2,
@@ -184,6 +185,20 @@ def lobes(
     )
     response = yield from call(retries, "Tools/ComputeStabilityLobes", request, tools_pb2.ComputeStabilityLobesResponse)
     return response.lobes
+
+
+def learn(retries: Retries, source: Said[learning_pb2.LearningSource]) -> Flow[learning_pb2.ToolProposal]:
+    """Learns from runs."""
+    request = learning_pb2.ComputeToolProposalRequest(source=message_of(learning_pb2.LearningSource, source))
+    response = yield from call(retries, "Tools/ComputeToolProposal", request, learning_pb2.ComputeToolProposalResponse)
+    return response.proposal
+
+
+def adopt(retries: Retries, source: Said[learning_pb2.LearningSource], digest: str) -> Flow[tools_pb2.Tool]:
+    """Writes what was learnt into the tool."""
+    request = learning_pb2.AdoptToolProposalRequest(source=message_of(learning_pb2.LearningSource, source), digest=digest)
+    response = yield from call(retries, "Tools/AdoptToolProposal", request, tools_pb2.AdoptToolProposalResponse)
+    return response.tool
 
 
 def plan_thread(retries: Retries, machine: Machine, request: Said[threads_pb2.PlanThreadRequest]) -> Flow[threads_pb2.PlanThreadResponse]:

@@ -272,6 +272,8 @@ def batch_of(
     spindle_angle_deg: Samples | None,
     spindle_rev_per_min: Samples | None,
     contact: Samples | None,
+    velocity: tuple[Samples, Samples] | None,
+    line: Samples | None,
     events: Iterable[Said[telemetry_pb2.MachineEvent]],
 ) -> telemetry_pb2.TelemetryBatch:
     """Telemetry as a message.
@@ -290,7 +292,7 @@ def batch_of(
         found: list[Any] = array.tolist()
         return found
 
-    for name, pair in (("tool", tool), ("work", work), ("commanded", commanded)):
+    for name, pair in (("tool", tool), ("work", work), ("commanded", commanded), ("velocity", velocity)):
         if pair is not None:
             target = getattr(batch, name)
             target.x.extend(column(f"{name} x", pair[0]))
@@ -299,6 +301,8 @@ def batch_of(
         batch.spindle_angle_deg.extend(column("spindle_angle_deg", spindle_angle_deg))
     if spindle_rev_per_min is not None:
         batch.spindle_rev_per_min.extend(column("spindle_rev_per_min", spindle_rev_per_min))
+    if line is not None:
+        batch.line.extend(column("line", line, np.uint32))
     if contact is not None:
         # One value stands for all samples.
         batch.contact.extend(column("contact", np.broadcast_to(np.asarray(contact), times.shape), np.bool_))

@@ -85,7 +85,7 @@ pub async fn run(
     // Never full: a machine does not wait for the service.
     let (requests, messages) = mpsc::unbounded_channel();
     let send = |message| requests.send(IngestRequest { message: Some(message) }).expect("a service that listens");
-    send(Request::Start(IngestStart { target: Some(Target::Job(job)), sensor_time_ns: None }));
+    send(Request::Start(IngestStart { target: Some(Target::Job(job)), sensor_time_ns: None, recording: None }));
     let responses = client.ingest(UnboundedReceiverStream::new(messages)).await.expect("a stream");
     let mut responses = responses.into_inner();
     let length = batch_ms * options.rate_hz / 1_000;

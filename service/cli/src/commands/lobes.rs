@@ -104,7 +104,7 @@ pub struct Args {
 }
 
 /// A mode as the command line writes it.
-fn mode(text: &str) -> Result<VibrationMode, String> {
+pub(super) fn mode(text: &str) -> Result<VibrationMode, String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
     match numbers.as_deref() {
         Ok(&[frequency_hz, damping_ratio, stiffness_n_per_mm]) => {
@@ -126,6 +126,7 @@ impl Args {
                 tangential_n_per_mm2: self.tangential,
                 radial_ratio: self.radial_ratio,
                 specific_n_per_mm2: self.specific,
+                ..ToolDynamics::default()
             }),
             cut: Some(if self.turning { Cut::Turning(TurningCut {}) } else { Cut::Milling(milling) }),
         }
@@ -235,7 +236,7 @@ fn text(heading: &str, lobes: &StabilityLobes, style: Style) -> Result<String, C
 }
 
 /// A depth with at least four digits, rounded down: what is printed holds.
-fn rounded_down(depth_mm: f64) -> String {
+pub(super) fn rounded_down(depth_mm: f64) -> String {
     let leading = depth_mm.log10().floor().clamp(-300.0, 0.0);
     let places = 4.0 - leading.min(0.0) - f64::from(leading < 0.0);
     let unit = 10_f64.powf(places);

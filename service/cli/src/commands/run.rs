@@ -21,7 +21,8 @@ use super::{CliError, EXIT_REFUSED};
 use crate::plot::write_run;
 pub(super) use drive::Drive;
 use feedwave_contract::proto::{
-    Decision, GetMonitoringRequest, MonitoringConfig, ProcessProperty, RunState, SetMonitoringRequest,
+    Decision, GetMonitoringRequest, MonitoringConfig, ProcessProperty, RecordingSettings, RunSettings, RunState,
+    SetMonitoringRequest,
 };
 use machine::MachineArgs;
 pub(super) use machine::default_monitoring;
@@ -51,6 +52,9 @@ pub struct Args {
     simulate: bool,
     #[command(flatten)]
     machine: MachineArgs,
+    /// Keep steady cuts of the telemetry to learn from (`feedwave learn`), at most so many bytes [default: 8388608]
+    #[arg(long, value_name = "BYTES", num_args = 0..=1, default_missing_value = "8388608")]
+    record: Option<u64>,
     /// Directory for a picture of deflection, limits and feed override over time, SVG and PNG; created where there is none
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
@@ -75,7 +79,9 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
         description.interpolation_period_us = period_us;
         Simulator::new(description).map_err(|violations| machine::refused(&violations))
     };
-    let mut run = Drive::begin(&client, &job, limits_mm(&monitoring), machine).await?;
+    let recording = args.record.map(|max_bytes| RecordingSettings { max_bytes: Some(max_bytes), cut_s: None });
+    let settings = RunSettings { recording, ..RunSettings::default() };
+    let mut run = Drive::begin(&client, &job, settings, limits_mm(&monitoring), machine).await?;
     print(&format!("{}\n{}\n", run.name, heading()))?;
     let mut show = |decision: &Decision| print(&format!("{}\n", line(decision)));
     let idle_speeds = monitoring.idle_run_up.map(|run_up| run_up.spindle_rev_per_min).unwrap_or_default();

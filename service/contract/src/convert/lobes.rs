@@ -17,6 +17,11 @@ use proto::stability_model::Cut;
 /// Smallest arc in which an edge cuts, degrees.
 const MIN_ARC_DEG: f64 = 0.001;
 
+/// Largest force of an edge, N/mm.
+const MAX_EDGE_FORCE_N_PER_MM: f64 = 1e6;
+/// Largest run-out of the edges, mm.
+const MAX_RUN_OUT_MM: f64 = 100.0;
+
 /// What is cut, with everything that is known of the tool.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StabilityModel {
@@ -35,9 +40,19 @@ pub(super) fn check_dynamics(violations: &mut Violations, field: &str, dynamics:
     for problem in dynamics_problems(&lists, &coefficients, dynamics.radial_ratio) {
         add(violations, &format!("{field}."), &problem);
     }
+    let others = [
+        ("edge_tangential_n_per_mm", dynamics.edge_tangential_n_per_mm, MAX_EDGE_FORCE_N_PER_MM),
+        ("edge_radial_n_per_mm", dynamics.edge_radial_n_per_mm, MAX_EDGE_FORCE_N_PER_MM),
+        ("edge_run_out_mm", dynamics.edge_run_out_mm, MAX_RUN_OUT_MM),
+    ];
+    for (name, value, most) in others {
+        if let Some(value) = value.filter(|value| !(0.0..=most).contains(value)) {
+            violations.add(format!("{field}.{name}"), format!("must be 0 to {most}, is {value}"));
+        }
+    }
 }
 
-fn modes_of(modes: &[proto::VibrationMode]) -> Vec<Mode> {
+pub(super) fn modes_of(modes: &[proto::VibrationMode]) -> Vec<Mode> {
     let mode = |mode: &proto::VibrationMode| Mode {
         frequency_hz: mode.frequency_hz,
         damping_ratio: mode.damping_ratio,
@@ -145,7 +160,7 @@ fn missing(model: &proto::StabilityModel) -> String {
     }
 }
 
-fn check_arc(found: &mut Violations, cut: &proto::MillingCut) {
+pub(super) fn check_arc(found: &mut Violations, cut: &proto::MillingCut) {
     let (entry, exit) = (cut.entry_deg, cut.exit_deg);
     if !(0.0..180.0).contains(&entry) {
         found.add("milling.entry_deg", format!("must be 0 to below 180, is {entry}"));

@@ -38,8 +38,14 @@ const SETTLED: f64 = 1e-4;
 const SCAN: [f64; 15] = [0.78, 0.81, 0.84, 0.87, 0.9, 0.93, 0.96, 1.0, 1.04, 1.08, 1.12, 1.16, 1.2, 1.24, 1.28];
 /// Relative step of numeric derivatives: the cube root of the rounding.
 const STEP: f64 = 6e-6;
-/// Most lags of residuals that are examined.
-const MAX_LAGS: usize = 200;
+/// Most lags of residuals that are examined, and the least.
+const LAGS: [usize; 2] = [100, 1_000];
+/// Correlations of white noise lie within so many standard deviations but for one in a thousand.
+const BEYOND_CHANCE: f64 = 3.3;
+/// How far beyond the ends of the scan a frequency may be found: half of a step.
+const BEYOND_SCAN: f64 = 0.02;
+/// Standard errors by which a value has to differ from 0 to count as another.
+const SIGNIFICANT: f64 = 1.959_963_984_540_054;
 
 /// What the records are held against.
 struct Problem<'a> {
@@ -151,7 +157,8 @@ impl Problem<'_> {
         for (&place, step) in places.iter().zip(normal.step(&factor)) {
             parameters[place] += step;
         }
-        Ok((self.normal(&parameters, &places).squares, parameters))
+        // What is linear is solved by one step, and lowers the squares by as much as it says.
+        Ok((normal.squares - normal.gain(&factor), parameters))
     }
 
     fn mode(&self, parameters: &[f64], axis: usize) -> Mode {
@@ -203,6 +210,7 @@ impl Problem<'_> {
                 .map(|place| (0..4).map(|part| parameters[FORCES + part] * columns[part][axis][place]).sum())
                 .collect();
             let [by_frequency, by_damping] = by_mode(mode, rate_hz, &force);
+            let is_missing = missing_of(cut);
             let own = SHARED + OWN * number + 2 * axis;
             let places = [
                 FORCES,
@@ -218,7 +226,7 @@ impl Problem<'_> {
                 own,
                 own + 1,
             ];
-            for place in self.settling..samples {
+            for place in (self.settling..samples).filter(|place| !is_missing[*place]) {
                 let (sin, cos) = libm::sincos(cut.spindle_angle_deg[place].to_radians());
                 let surface = if axis == 0 { [cos, -sin] } else { [-sin, -cos] };
                 let share = place as f64 / samples as f64 - 0.5;
@@ -236,9 +244,11 @@ impl Problem<'_> {
         }
     }
 
-    /// By how much correlated residuals widen the standard errors: √(1 + 2·Σρ_k) up to the first lag without correlation.
+    /// By how much correlated residuals widen the standard errors: √(1 + 2·Σρ_k) over the lags of a turn of the spindle at which
+    /// they are correlated beyond chance. What swings counts with the lags at which it adds only, so the factor is none too small.
     fn correlation_factor(&self, parameters: &[f64]) -> f64 {
-        let mut sums = [0.0; MAX_LAGS + 1];
+        let turn = self.records.iter().map(samples_of_turn).max().unwrap_or(0);
+        let mut sums = vec![0.0; turn.clamp(LAGS[0], LAGS[1]) + 1];
         for number in 0..self.records.len() {
             let mut residuals: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
             self.rows(number, parameters, &mut |places, _, left| {
@@ -250,16 +260,42 @@ impl Problem<'_> {
                 }
             }
         }
-        let count = (self.judged() as f64).max(1.0);
-        // Within this the correlation of white noise lies with 95 %.
-        let none = 2.0 / count.sqrt();
-        let correlated = sums[1..].iter().map(|sum| sum / sums[0]).take_while(|share| *share > none);
+        let chance = BEYOND_CHANCE / (self.judged() as f64).max(1.0).sqrt();
+        let correlated = sums[1..].iter().map(|sum| sum / sums[0]).filter(|share| *share > chance);
         (1.0 + 2.0 * correlated.sum::<f64>()).sqrt()
     }
 
     /// Residuals that are judged, of both directions.
     fn judged(&self) -> usize {
-        self.records.iter().map(|cut| 2 * (cut.spindle_angle_deg.len() - self.settling)).sum()
+        let missing =
+            |cut: &CutRecord<'_>| cut.missing.iter().filter(|place| **place as usize >= self.settling).count();
+        self.records.iter().map(|cut| 2 * (cut.spindle_angle_deg.len() - self.settling - missing(cut))).sum()
+    }
+
+    /// Refuses values that no tool and no material has: they explain the records, but mean something else.
+    fn check(&self, learnt: &Learnt) -> Result<(), LearningError> {
+        let implausible = |what, estimate: &Estimate, least, most| {
+            Err(LearningError::Implausible { what, value: estimate.value, least, most })
+        };
+        let tangential = &learnt.tangential_n_per_mm2;
+        if tangential.value <= SIGNIFICANT * tangential.standard_error {
+            return implausible(NAMES[FORCES], tangential, 0.0, f64::INFINITY);
+        }
+        let others = [&learnt.edge_tangential_n_per_mm, &learnt.radial_n_per_mm2, &learnt.edge_radial_n_per_mm];
+        for (place, estimate) in others.into_iter().enumerate() {
+            if estimate.upper < 0.0 {
+                return implausible(NAMES[FORCES + 1 + place], estimate, 0.0, f64::INFINITY);
+            }
+        }
+        let modes = [(&learnt.mode_x, &self.model.mode_x), (&learnt.mode_y, &self.model.mode_y)];
+        for (axis, (mode, library)) in modes.into_iter().enumerate() {
+            let least = library.frequency_hz * (SCAN[0] - BEYOND_SCAN);
+            let most = library.frequency_hz * (SCAN[SCAN.len() - 1] + BEYOND_SCAN);
+            if !(least..=most).contains(&mode.frequency_hz.value) {
+                return implausible(NAMES[MODES + 2 * axis], &mode.frequency_hz, least, most);
+            }
+        }
+        Ok(())
     }
 
     fn conclude(&self, parameters: &[f64], normal: &Normal) -> Result<Learnt, LearningError> {
@@ -274,27 +310,16 @@ impl Problem<'_> {
             let (Some(place), Some(other)) = (index(place), index(other)) else { return 0.0 };
             scale * factor.inverse_column(place)[other]
         };
-        let of = |place: usize| Estimate {
-            value: parameters[place],
-            standard_error: covariance(place, place).max(0.0).sqrt(),
-        };
-        // Of the length of a vector of two parameters, by the first derivatives; at zero that of the wider one.
+        let of = |place: usize| Estimate::of_value(parameters[place], covariance(place, place).max(0.0).sqrt());
         let length = |first: usize| {
             let [a, b] = [parameters[first], parameters[first + 1]];
-            let value = libm::hypot(a, b);
-            let variance = if value > 0.0 {
-                let [u, v] = [a / value, b / value];
-                u * u * covariance(first, first)
-                    + 2.0 * u * v * covariance(first, first + 1)
-                    + v * v * covariance(first + 1, first + 1)
-            } else {
-                covariance(first, first).max(covariance(first + 1, first + 1))
-            };
-            Estimate { value, standard_error: variance.max(0.0).sqrt() }
+            let [aa, ab, bb] =
+                [[first, first], [first, first + 1], [first + 1, first + 1]].map(|[one, other]| covariance(one, other));
+            Estimate::of_length([a, b], [aa, ab, bb])
         };
         let mode =
             |axis: usize| LearntMode { frequency_hz: of(MODES + 2 * axis), damping_ratio: of(MODES + 2 * axis + 1) };
-        Ok(Learnt {
+        let learnt = Learnt {
             tangential_n_per_mm2: of(FORCES),
             edge_tangential_n_per_mm: of(FORCES + 1),
             radial_n_per_mm2: of(FORCES + 2),
@@ -306,8 +331,26 @@ impl Problem<'_> {
             residual_mm: variance.sqrt(),
             correlation_factor,
             samples: self.judged(),
-        })
+        };
+        self.check(&learnt)?;
+        Ok(learnt)
     }
+}
+
+/// Samples of a turn of the spindle.
+fn samples_of_turn(cut: &CutRecord<'_>) -> usize {
+    let samples = cut.spindle_angle_deg.len();
+    let turned_deg = cut.spindle_angle_deg[samples - 1] - cut.spindle_angle_deg[0];
+    (360.0 * samples as f64 / turned_deg.abs()).min(LAGS[1] as f64) as usize
+}
+
+/// Which samples of a record are missing.
+fn missing_of(cut: &CutRecord<'_>) -> Vec<bool> {
+    let mut is_missing = vec![false; cut.spindle_angle_deg.len()];
+    for place in cut.missing {
+        is_missing[*place as usize] = true;
+    }
+    is_missing
 }
 
 /// How the deflection under a force changes with the mode's frequency and with its damping, by central differences.

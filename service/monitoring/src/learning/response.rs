@@ -12,8 +12,9 @@ const SETTLING_TIME_CONSTANTS: f64 = 12.0;
 /// K_re, and of both components of the run-out of the edges.
 pub(super) type Columns = [[Vec<f64>; 2]; 6];
 
-/// Samples after which a mode has forgotten how it began.
-pub(super) fn settling_samples(model: &LearningModel) -> usize {
+/// Samples at the begin of a record after which the modes have forgotten how they began: they are not judged.
+#[must_use]
+pub fn settling_samples(model: &LearningModel) -> usize {
     let slowest = [&model.mode_x, &model.mode_y]
         .into_iter()
         .map(|mode| mode.damping_ratio * mode.frequency_hz)
@@ -51,7 +52,7 @@ pub(super) fn forces(
         let extra = [here.1 - before.1, here.0 - before.0];
         let extra_mm = extra[0] * run_out_mm[0] + extra[1] * run_out_mm[1];
         for (place, angle_deg) in cut.spindle_angle_deg.iter().enumerate() {
-            let (sin, cos) = libm::sincos(rotation * angle_deg.to_radians());
+            let (sin, cos) = libm::sincos(rotation * (angle_deg - cut.first_edge_deg).to_radians());
             let (sin, cos) = (sin * cosine + cos * sine, cos * cosine - sin * sine);
             let entered = sin * entry.1 - cos * entry.0 >= 0.0;
             let leaving = exit.0 * cos - exit.1 * sin >= 0.0;

@@ -10,7 +10,7 @@ const MAX_COMMANDED: f64 = 1e9;
 
 /// One sample, ready for the state machine.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample {
+pub(crate) struct Sample {
     pub time_ns: u64,
     /// Vector in mm or mm/s²; meaningful when `worth` is good.
     pub value: [f64; 2],
@@ -26,7 +26,7 @@ pub(super) struct Sample {
 
 /// History of all channels: X and Y of tool and work.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct Channels {
+pub(crate) struct Channels {
     tool: [Channel; 2],
     work: [Channel; 2],
 }
@@ -38,7 +38,7 @@ impl Channels {
 }
 
 /// Whether the batch lacks a column that the configuration needs.
-pub(super) fn lacks_column(batch: &Batch<'_>, config: &MonitoringConfig) -> bool {
+pub(crate) fn lacks_column(batch: &Batch<'_>, config: &MonitoringConfig) -> bool {
     let sensors = [(config.tool, batch.tool), (config.work, batch.work)];
     let acceleration = sensors.iter().any(|(sensors, _)| sensors.is_some_and(|s| s.quantity == Quantity::Acceleration));
     sensors.iter().any(|(sensors, pair)| sensors.is_some() && pair.is_none())
@@ -49,7 +49,7 @@ pub(super) fn lacks_column(batch: &Batch<'_>, config: &MonitoringConfig) -> bool
 
 /// Reads sample `index`.
 #[inline]
-pub(super) fn read(
+pub(crate) fn read(
     batch: &Batch<'_>,
     index: usize,
     missing: bool,

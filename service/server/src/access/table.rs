@@ -33,7 +33,7 @@ const MACHINE: Needs = Needs::Role(Role::Machine);
 const ADMIN: Needs = Needs::Role(Role::Admin);
 
 /// Every method of the contract, and of health and reflection.
-const METHODS: [(&str, Needs, Effect); 51] = [
+const METHODS: [(&str, Needs, Effect); 53] = [
     ("/feedwave.v1.Jobs/CreateJob", PLANNER, CHANGES),
     ("/feedwave.v1.Jobs/UploadProgram", PLANNER, CHANGES),
     ("/feedwave.v1.Jobs/GetUpload", PLANNER, READS),
@@ -80,6 +80,8 @@ const METHODS: [(&str, Needs, Effect); 51] = [
     ("/feedwave.v1.Tools/UpdateTool", ADMIN, CHANGES),
     ("/feedwave.v1.Tools/DeleteTool", ADMIN, CHANGES),
     ("/feedwave.v1.Tools/ComputeStabilityLobes", VIEWER, READS),
+    ("/feedwave.v1.Tools/ComputeToolProposal", VIEWER, READS),
+    ("/feedwave.v1.Tools/AdoptToolProposal", ADMIN, CHANGES),
     ("/feedwave.v1.Audit/ListAuditEntries", ADMIN, READS),
     ("/grpc.health.v1.Health/Check", Needs::Nobody, READS),
     ("/grpc.health.v1.Health/Watch", Needs::Nobody, READS),

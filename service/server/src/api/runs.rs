@@ -2,7 +2,7 @@
 
 use feedwave_contract::convert::{
     check_period_us, enumeration, generation_mode_from_proto, generation_mode_to_proto, monitoring_to_proto,
-    overrides_to_proto, state_to_proto as monitor_state_to_proto,
+    overrides_to_proto, recording_from_proto, recording_to_proto, state_to_proto as monitor_state_to_proto,
 };
 use feedwave_contract::proto::run_request::Message as RequestMessage;
 use feedwave_contract::proto::run_response::Message;
@@ -23,7 +23,7 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
-use super::telemetry::{config_from_message, run_settings};
+use super::telemetry::{check_recordable, config_from_message, run_settings};
 use super::{Api, unreadable};
 use crate::engine::{self, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
@@ -72,6 +72,9 @@ fn check_start(start: &RunStart) -> Result<CheckedStart<'_>> {
                 settings.generation_mode,
             );
             enumeration::<proto::Frame>(&mut violations, "start.settings.frame", settings.frame);
+            if let Some(recording) = &settings.recording {
+                recording_from_proto(&mut violations, "start.settings.recording", recording);
+            }
         }
         Some(Target::Run(name)) => {
             violations.check("start.run", names::parse_run(name));
@@ -145,6 +148,11 @@ impl Api {
         let job = detail.job.id;
         let monitoring = config_from_message(&stored::from_stored(self.store.monitoring(job).await?.get())?)?;
         let plans_spindle = self.check_monitoring(detail, &monitoring).await?;
+        let recording = asked.recording.as_ref().and_then(|recording| {
+            // It was accepted with the start.
+            recording_from_proto(&mut Violations::default(), "start.settings.recording", recording)
+        });
+        check_recordable(&monitoring, "start.settings.recording", recording)?;
         let config = pipeline_config(detail, &RunSettings { plans_spindle, ..asked })?;
         let settings = RunSettings {
             interpolation_period_us: config.interpolation_period_us,
@@ -152,6 +160,7 @@ impl Api {
             frame: frame_to_proto(config.frame).into(),
             monitoring: Some(monitoring_to_proto(&monitoring)),
             plans_spindle,
+            recording: recording.as_ref().map(recording_to_proto),
         };
         let monitor = Monitor::new(monitoring)
             .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;

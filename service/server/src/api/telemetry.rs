@@ -1,7 +1,8 @@
 //! `feedwave.v1.Telemetry`.
 
 use feedwave_contract::convert::{
-    monitoring_from_proto, monitoring_to_proto, overrides_to_proto, state_to_proto as monitor_state_to_proto, timestamp,
+    monitoring_from_proto, monitoring_to_proto, overrides_to_proto, recording_from_proto, recording_to_proto,
+    state_to_proto as monitor_state_to_proto, timestamp,
 };
 use feedwave_contract::proto::ingest_request::Message as RequestMessage;
 use feedwave_contract::proto::ingest_response::Message;
@@ -15,7 +16,7 @@ use feedwave_contract::proto::{
     SetMonitoringResponse, WatchDecisionsRequest, WatchDecisionsResponse,
 };
 use feedwave_contract::{names, proto};
-use feedwave_monitoring::{Monitor, MonitoringConfig};
+use feedwave_monitoring::{Monitor, MonitoringConfig, Recorder, RecordingLimits};
 use feedwave_store::{AttachedRun, NewRun, Run as RunRecord, RunCondition as ConditionRecord, RunKind, RunState};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
@@ -209,6 +210,7 @@ impl Api {
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
+        let recording = checked_recording(&start)?;
         let target = start.target.as_ref().ok_or_else(|| Error::invalid("start.target", "job or run must be set"))?;
         let job = match target {
             Target::Job(name) => job_id("start.job", name)?,
@@ -228,9 +230,9 @@ impl Api {
         self.caller.concerns(names::job(job));
         let record = self.store.job(job).await?;
         self.caller.check_machine(&record.machine_id)?;
-        let attached = self.attach(target, job).await?;
+        let attached = self.attach(target, job, recording).await?;
         let presence = self.floor().taken_up(self.store.of_all_tenants(), &record, &attached.run).await?;
-        let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard, presence)?;
+        let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard, presence).await?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
         let started = started(&attached)?;
         self.engine.spawn(take_in(messages, intake));
@@ -242,7 +244,7 @@ impl Api {
     }
 
     /// The run that a client begins or takes up.
-    async fn attach(&self, target: &Target, job: Uuid) -> Result<AttachedRun> {
+    async fn attach(&self, target: &Target, job: Uuid, recording: Option<RecordingLimits>) -> Result<AttachedRun> {
         if let Target::Run(name) = target {
             let id = names::parse_run(name).map_err(|error| Error::invalid("start.run", error.to_string()))?;
             return Ok(self.store.attach_run(id).await?);
@@ -254,13 +256,39 @@ impl Api {
             return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
         }
         let monitoring: proto::MonitoringConfig = stored::from_stored(self.store.monitoring(job).await?.get())?;
-        let monitor = Monitor::new(config_from_message(&monitoring)?)
+        let config = config_from_message(&monitoring)?;
+        check_recordable(&config, "start.recording", recording)?;
+        let monitor = Monitor::new(config)
             .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
         let monitor = monitor.snapshot().map_err(Error::internal)?.into();
-        let settings = RunSettings { monitoring: Some(monitoring), ..RunSettings::default() };
+        let recording = recording.as_ref().map(recording_to_proto);
+        let settings = RunSettings { monitoring: Some(monitoring), recording, ..RunSettings::default() };
         let settings = stored::to_stored(&settings)?;
         Ok(self.store.create_run(NewRun { job_id: job, kind: RunKind::Telemetry, settings, monitor }).await?)
     }
+}
+
+/// What of a new run is kept to learn from.
+fn checked_recording(start: &IngestStart) -> Result<Option<RecordingLimits>> {
+    let Some(recording) = &start.recording else { return Ok(None) };
+    let mut violations = Violations::default();
+    let limits = recording_from_proto(&mut violations, "start.recording", recording);
+    if matches!(start.target, Some(Target::Run(_))) {
+        violations.add("start.recording", "must not be set for a run that is taken up: it keeps its own");
+    }
+    violations.finish()?;
+    Ok(limits)
+}
+
+/// Refuses to record what says nothing of the tool's deflection.
+pub(super) fn check_recordable(
+    config: &MonitoringConfig,
+    field: &'static str,
+    recording: Option<RecordingLimits>,
+) -> Result<()> {
+    let Some(limits) = recording else { return Ok(()) };
+    let refused = Recorder::new(config, limits, Vec::new(), 0).err();
+    refused.map_or(Ok(()), |error| Err(Error::invalid(field, error.to_string())))
 }
 
 fn job_filter(violations: &mut Violations, job: &str) -> Option<Uuid> {

@@ -4,9 +4,10 @@ use feedwave_contract::convert::{self, timestamp};
 use feedwave_contract::names;
 use feedwave_contract::proto::tools_server::Tools;
 use feedwave_contract::proto::{
-    ComputeStabilityLobesRequest, ComputeStabilityLobesResponse, CreateToolRequest, CreateToolResponse,
-    DeleteToolRequest, DeleteToolResponse, GetToolRequest, GetToolResponse, ListToolsRequest, ListToolsResponse, Tool,
-    UpdateToolRequest, UpdateToolResponse,
+    AdoptToolProposalRequest, AdoptToolProposalResponse, ComputeStabilityLobesRequest, ComputeStabilityLobesResponse,
+    ComputeToolProposalRequest, ComputeToolProposalResponse, CreateToolRequest, CreateToolResponse, DeleteToolRequest,
+    DeleteToolResponse, GetToolRequest, GetToolResponse, ListToolsRequest, ListToolsResponse, Tool, UpdateToolRequest,
+    UpdateToolResponse,
 };
 use feedwave_store::{Json, ToolFilter, ToolRecord};
 use tonic::{Request, Response, Status, async_trait};
@@ -26,7 +27,7 @@ pub(super) fn from_record(record: &ToolRecord) -> Result<Tool> {
 }
 
 /// The document of a tool that a client sends, checked.
-fn checked_document(mut violations: Violations, tool: &Tool) -> Result<Json> {
+pub(super) fn checked_document(mut violations: Violations, tool: &Tool) -> Result<Json> {
     violations.extend("tool", convert::check_tool(tool));
     violations.finish()?;
     let stored =
@@ -119,6 +120,20 @@ impl Tools for Api {
 
     async fn delete_tool(&self, request: Request<DeleteToolRequest>) -> Result<Response<DeleteToolResponse>, Status> {
         self.answer(request, async |api, request| api.delete_tool(request).await).await
+    }
+
+    async fn compute_tool_proposal(
+        &self,
+        request: Request<ComputeToolProposalRequest>,
+    ) -> Result<Response<ComputeToolProposalResponse>, Status> {
+        self.answer(request, async |api, request| api.compute_tool_proposal(request).await).await
+    }
+
+    async fn adopt_tool_proposal(
+        &self,
+        request: Request<AdoptToolProposalRequest>,
+    ) -> Result<Response<AdoptToolProposalResponse>, Status> {
+        self.answer(request, async |api, request| api.adopt_tool_proposal(request).await).await
     }
 
     async fn compute_stability_lobes(

@@ -137,7 +137,7 @@ impl Engine {
         presence: Presence,
     ) -> Result<(LiveIntake, LiveRun)> {
         let inner = &self.inner;
-        let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard)?;
+        let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard).await?;
         let feed = Feed::new(&attached.overrides)?;
         let view = LiveView::new(presence, &plan.config, inner.metrics.clone());
         let first_index = plan.first_index;

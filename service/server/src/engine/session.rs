@@ -8,19 +8,24 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use feedwave_contract::convert::{
-    action_name, decision_to_proto, spindle_answer_from_proto, state_to_proto, timestamp,
+    action_name, conditions_of, decision_to_proto, learning_record_of, recorded_cut_to_proto, recording_from_proto,
+    spindle_answer_from_proto, state_to_proto, timestamp,
 };
 use feedwave_contract::{names, proto};
 use feedwave_monitoring::{
-    Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, SnapshotError, SpindleAnswer, State,
+    Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, RecordedCut, Recorder,
+    SnapshotError, SpindleAnswer, State,
 };
-use feedwave_store::{AttachedRun, NewDecision, RunCheckpoint, RunCommit, Store, StoreError, TelemetryGap};
+use feedwave_store::{
+    AttachedRun, NewDecision, NewRecordedCut, RunCheckpoint, RunCommit, Store, StoreError, TelemetryGap,
+};
 use prost::Message as _;
 use proto::machine_event::Event as ProtoEvent;
 use uuid::Uuid;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Violations};
 use crate::observability::metrics::Metrics;
+use crate::stored;
 
 /// Most samples of a batch.
 pub const MAX_BATCH_SAMPLES: usize = 100_000;
@@ -67,6 +72,8 @@ pub(super) struct Session {
     pass: Option<bool>,
     said_threading: bool,
     fresh: Fresh,
+    /// Where steady cuts are kept to learn from: the recorder, and how many are kept or wait for it.
+    recorder: Option<(Recorder, u64)>,
     next_commit: Instant,
     /// Where the grid of commits that can wait begins.
     grid: Instant,
@@ -80,6 +87,7 @@ struct Fresh {
     decisions: Vec<Decision>,
     gaps: Vec<TelemetryGap>,
     duplicates: u32,
+    recorded: Vec<RecordedCut>,
 }
 
 /// What became durable.
@@ -121,9 +129,35 @@ impl Session {
             pass: None,
             said_threading: false,
             fresh: Fresh::default(),
+            recorder: None,
             next_commit: now,
             grid,
         })
+    }
+
+    /// Keeps steady cuts of the telemetry to learn from, where the run was made so.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub(super) async fn record(&mut self, attached: &AttachedRun) -> Result<()> {
+        let settings: proto::RunSettings = stored::from_stored(attached.run.settings.get())?;
+        let Some(recording) = &settings.recording else { return Ok(()) };
+        let mut violations = Violations::default();
+        let Some(limits) = recording_from_proto(&mut violations, "recording", recording) else {
+            return Err(Error::internal(format!("stored settings are refused: {:?}", violations.as_slice())));
+        };
+        let mut kept = Vec::new();
+        let mut bytes = 0;
+        for head in self.store.recorded_cuts(self.run).await? {
+            let damaged = |error| Error::Damaged(format!("a recorded cut of {}: {error}", self.run_name()));
+            let (conditions, size) = conditions_of(&proto::LearningRecord::decode(head.head).map_err(damaged)?);
+            kept.push(conditions);
+            bytes += size;
+        }
+        let number = kept.len() as u64;
+        let recorder = Recorder::new(self.monitor.config(), limits, kept, bytes).map_err(Error::internal)?;
+        self.recorder = Some((recorder, number));
+        Ok(())
     }
 
     /// The monitor as it is now, durable or not.
@@ -206,10 +240,16 @@ impl Session {
             self.last_arrival = Some((now, last_ns));
             self.silence_told = false;
         }
-        let receipt = self.monitor.push(&columns(batch), &mut |decision| decisions.push(decision));
+        let columns = columns(batch);
+        let is_measuring = self.monitor.state() == State::Measuring;
+        let receipt = self.monitor.push(&columns, &mut |decision| decisions.push(decision));
         match receipt.map_err(|error| batch_error(&error))? {
             Receipt::AcceptedAfterGap { first, last } => self.fresh.gaps.push(TelemetryGap { first, last }),
             Receipt::Accepted | Receipt::Dropped { .. } => {}
+        }
+        if let Some((recorder, _)) = &mut self.recorder {
+            let is_measuring = is_measuring && self.monitor.state() == State::Measuring;
+            self.fresh.recorded.extend(recorder.push(&columns, is_measuring));
         }
         Ok(())
     }
@@ -304,12 +344,31 @@ impl Session {
         }
     }
 
+    /// Stretches as the store keeps them.
+    fn numbered(&mut self, cuts: &[RecordedCut]) -> Vec<NewRecordedCut> {
+        let Some((_, next)) = &mut self.recorder else { return Vec::new() };
+        let number = |cut: &RecordedCut| {
+            let number = *next;
+            *next += 1;
+            let head = learning_record_of(cut, u32::try_from(number).unwrap_or(u32::MAX));
+            let body = recorded_cut_to_proto(cut);
+            NewRecordedCut { number, head: head.encode_to_vec().into(), body: body.encode_to_vec().into() }
+        };
+        cuts.iter().map(number).collect()
+    }
+
     /// Makes everything durable, together with what else happened in the run.
     ///
     /// # Errors
     /// Those of the store; [`Error::TakenUp`] when another connection goes on with the run.
     pub(super) async fn commit(&mut self, metrics: &Metrics, besides: RunCommit) -> Result<Durable> {
-        let fresh = std::mem::take(&mut self.fresh);
+        let mut fresh = std::mem::take(&mut self.fresh);
+        if besides.end.is_some()
+            && let Some((recorder, _)) = &mut self.recorder
+        {
+            fresh.recorded.extend(recorder.finish());
+        }
+        let recorded_cuts = self.numbered(&fresh.recorded);
         let state = if fresh.changed { Some(self.monitor.snapshot().map_err(Error::internal)?) } else { None };
         let bytes = state.as_ref().map_or(0, Vec::len);
         let interval = Duration::from_secs_f64(bytes as f64 / STATE_BYTES_PER_S as f64);
@@ -324,6 +383,7 @@ impl Session {
             telemetry: state.map(|state| (self.monitor.newest_batch(), state.into())),
             decisions: fresh.decisions.iter().zip(&decisions).map(new).collect(),
             gaps: fresh.gaps.clone(),
+            recorded_cuts,
             ..besides
         };
         let records = self.store.commit_run(self.run, self.attachment, commit).await?;
@@ -386,9 +446,11 @@ fn columns(batch: &proto::TelemetryBatch) -> Batch<'_> {
         tool: pair(&batch.tool),
         work: pair(&batch.work),
         commanded: pair(&batch.commanded),
+        velocity_mm_per_s: pair(&batch.velocity),
         spindle_angle_deg: column(&batch.spindle_angle_deg),
         spindle_rev_per_min: column(&batch.spindle_rev_per_min),
         contact: column(&batch.contact),
+        line: column(&batch.line),
     }
 }
 

@@ -124,14 +124,15 @@ impl Engine {
     ///
     /// # Errors
     /// [`Error::Overloaded`] when too many runs are in progress.
-    pub(super) fn work_on(
+    pub(super) async fn work_on(
         &self,
         attached: &AttachedRun,
         sensor_time_ns: Option<u64>,
         guard: &JobGuard,
     ) -> Result<RunWork> {
         let inner = &self.inner;
-        let session = Session::new(inner.store.clone(), attached, sensor_time_ns, inner.commit_grid)?;
+        let mut session = Session::new(inner.store.clone(), attached, sensor_time_ns, inner.commit_grid)?;
+        session.record(attached).await?;
         let limit = inner.limits.concurrent_runs as u64;
         let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
         let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
@@ -148,7 +149,7 @@ impl Engine {
     ///
     /// # Errors
     /// [`Error::Overloaded`] when too many runs are in progress.
-    pub(crate) fn ingest(
+    pub(crate) async fn ingest(
         &self,
         attached: &AttachedRun,
         sensor_time_ns: Option<u64>,
@@ -156,7 +157,7 @@ impl Engine {
         presence: Presence,
     ) -> Result<(Intake, Ingestion)> {
         let inner = &self.inner;
-        let RunWork { session, place, ends } = self.work_on(attached, sensor_time_ns, &guard)?;
+        let RunWork { session, place, ends } = self.work_on(attached, sensor_time_ns, &guard).await?;
         let left = CancellationToken::new();
         let (sender, input) = mpsc::channel(BATCHES_IN_FLIGHT);
         let (outlet, messages) = mpsc::channel(MESSAGES_IN_FLIGHT);

@@ -29,6 +29,7 @@ fn mill() -> Tool {
             tangential_n_per_mm2: Some(700.0),
             radial_ratio: Some(0.3),
             specific_n_per_mm2: Some(2_000.0),
+            ..Default::default()
         }),
         ..Default::default()
     }

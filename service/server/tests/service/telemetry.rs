@@ -69,7 +69,7 @@ struct Session {
 impl Session {
     async fn open(client: &mut TelemetryClient<Channel>, target: Target) -> Result<Self, Status> {
         let (requests, messages) = mpsc::channel(64);
-        let start = IngestStart { target: Some(target), sensor_time_ns: None };
+        let start = IngestStart { target: Some(target), sensor_time_ns: None, recording: None };
         requests.send(IngestRequest { message: Some(Request::Start(start)) }).await.unwrap();
         let mut responses = client.ingest(ReceiverStream::new(messages)).await?.into_inner();
         match responses.message().await?.and_then(|response| response.message) {

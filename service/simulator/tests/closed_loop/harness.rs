@@ -226,6 +226,7 @@ impl Stored {
             spindle_angle_deg: Some(&self.angle_deg),
             spindle_rev_per_min: Some(&self.rev_per_min),
             contact: Some(&self.contact),
+            ..Batch::default()
         }
     }
 }

@@ -111,6 +111,7 @@ impl PostgresStore {
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(report)), 0) FROM validation_reports)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM job_checkpoints)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM run_checkpoints)
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0) FROM recorded_cuts)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(monitor)), 0) FROM runs)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0) FROM decisions))::BIGINT",
         )

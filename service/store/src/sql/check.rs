@@ -17,6 +17,7 @@ const UPLOAD: &str = "what was received of the program; upload it again";
 const JOB: &str = "the job; create it again";
 const REPORT: &str = "the report of the job; create the job again";
 const RUN: &str = "the proof of the run";
+const RECORDED: &str = "what could be learnt from this cut of the run";
 const DOCUMENT: &str = "the machine or tool; put it again";
 const EVENT: &str = "a line of the log";
 /// What is lost with damage that is not a record's.
@@ -62,6 +63,7 @@ impl<D: Verified> Check<D> {
         self.reports().await?;
         self.checkpoints().await?;
         self.run_checkpoints().await?;
+        self.recorded_cuts().await?;
         self.documents().await?;
         self.runs().await?;
         self.events().await
@@ -261,6 +263,18 @@ impl<D: Verified> Check<D> {
                 WHERE run_id = $1 AND setpoint_index = $2";
             let result = self.packed(sql, &key).await.map(drop);
             self.note("run checkpoint", format!("runs/{id}"), result, NOTHING)?;
+        }
+        Ok(())
+    }
+
+    async fn recorded_cuts(&mut self) -> Result<()> {
+        for row in self.ids("recorded cut", "SELECT run_id, number FROM recorded_cuts").await? {
+            let id = row.text("run_id")?;
+            let key = [Parameter::Text(id), Parameter::Integer(row.integer("number")?)];
+            let sql = "SELECT body_bytes AS size_bytes, body AS packed FROM recorded_cuts
+                WHERE run_id = $1 AND number = $2";
+            let result = self.packed(sql, &key).await.map(drop);
+            self.note("recorded cut", format!("runs/{id}"), result, RECORDED)?;
         }
         Ok(())
     }

@@ -8,8 +8,8 @@ use super::record::{Record, json, parsed, signed, tenant, unsigned};
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Scope, tenant_scope};
 use crate::runs::{
-    Acknowledgement, DecisionRecord, MachineRuns, NewDecision, OpenCondition, Run, RunCommit, RunCondition,
-    RunOverride, RunSetpoints, RunState, TelemetryGap,
+    Acknowledgement, DecisionRecord, MachineRuns, NewDecision, NewRecordedCut, OpenCondition, RecordedCutHead, Run,
+    RunCommit, RunCondition, RunOverride, RunSetpoints, RunState, TelemetryGap,
 };
 use crate::settings::StoreSettings;
 use crate::tenant::Tenant;
@@ -78,14 +78,40 @@ pub(crate) struct Packed {
     pub(crate) decisions: Vec<(i64, NewDecision)>,
     pub(crate) gaps: Vec<[i64; 2]>,
     pub(crate) overrides: Vec<([i64; 2], RunOverride)>,
+    pub(crate) recorded_cuts: Vec<PackedCut>,
     pub(crate) end: Option<(RunState, String)>,
+}
+
+/// A stretch of telemetry as the database keeps it.
+#[derive(Debug)]
+pub(crate) struct PackedCut {
+    pub(crate) number: i64,
+    pub(crate) head: Vec<u8>,
+    pub(crate) body_bytes: i64,
+    pub(crate) body: Vec<u8>,
+}
+
+impl PackedCut {
+    async fn of(cut: NewRecordedCut) -> Result<Self> {
+        let NewRecordedCut { number, head, body } = cut;
+        Ok(Self {
+            number: signed("number of a recorded cut", number)?,
+            head: head.into(),
+            body_bytes: signed("recorded cut size in bytes", body.len() as u64)?,
+            body: offload(body.len(), move || compress(&body)).await?,
+        })
+    }
 }
 
 impl Packed {
     /// Refuses a commit that is larger than it may be.
     pub(crate) async fn of(commit: RunCommit, settings: &StoreSettings) -> Result<Self> {
         check_commit(&commit, settings)?;
-        let RunCommit { telemetry, decisions, gaps, overrides, setpoints, end } = commit;
+        let RunCommit { telemetry, decisions, gaps, overrides, recorded_cuts, setpoints, end } = commit;
+        let mut packed_cuts = Vec::with_capacity(recorded_cuts.len());
+        for cut in recorded_cuts {
+            packed_cuts.push(PackedCut::of(cut).await?);
+        }
         let (newest_batch, monitor) = match telemetry {
             Some((newest, monitor)) => {
                 let newest = newest.map(|newest| signed("batch number", newest)).transpose()?;
@@ -113,13 +139,15 @@ impl Packed {
             decisions: decisions.into_iter().map(number).collect::<Result<_>>()?,
             gaps: gaps.into_iter().map(gap).collect::<Result<_>>()?,
             overrides: overrides.into_iter().map(change).collect::<Result<_>>()?,
+            recorded_cuts: packed_cuts,
             end,
         })
     }
 
     pub(crate) fn bytes(&self) -> usize {
         let decisions: usize = self.decisions.iter().map(|(_, decision)| decision.body.len()).sum();
-        self.monitor.as_ref().map_or(0, |(_, monitor)| monitor.len()) + decisions
+        let cuts: usize = self.recorded_cuts.iter().map(|cut| cut.head.len() + cut.body.len()).sum();
+        self.monitor.as_ref().map_or(0, |(_, monitor)| monitor.len()) + decisions + cuts
     }
 }
 
@@ -135,6 +163,10 @@ fn check_commit(commit: &RunCommit, settings: &StoreSettings) -> Result<()> {
     }
     for decision in &commit.decisions {
         check_size("decision size in bytes", decision.body.len(), settings.max_document_bytes)?;
+    }
+    for cut in &commit.recorded_cuts {
+        check_size("recorded cut size in bytes", cut.body.len(), settings.max_snapshot_bytes)?;
+        check_size("recorded cut head size in bytes", cut.head.len(), MAX_TEXT_BYTES)?;
     }
     check_size("telemetry gaps", commit.gaps.len(), MAX_ROWS)?;
     check_size("changes of the feed override", commit.overrides.len(), MAX_ROWS)?;
@@ -170,6 +202,21 @@ pub(crate) fn change(row: &impl Record) -> Result<RunOverride> {
 
 pub(crate) fn gap(row: &impl Record) -> Result<TelemetryGap> {
     Ok(TelemetryGap { first: unsigned(row, "first_batch")?, last: unsigned(row, "last_batch")? })
+}
+
+pub(crate) fn recorded_cut_head(row: &impl Record) -> Result<RecordedCutHead> {
+    Ok(RecordedCutHead {
+        number: unsigned(row, "number")?,
+        at_us: row.integer("at_us")?,
+        head: row.bytes("head")?.to_vec().into(),
+    })
+}
+
+/// The samples of a stretch.
+pub(crate) async fn recorded_cut(row: &impl Record) -> Result<Bytes> {
+    let size = unsigned(row, "body_bytes")?;
+    let packed = row.bytes("body")?.to_vec();
+    offload(packed.len(), move || decompress(&packed, size)).await
 }
 
 pub(crate) fn decision(row: &impl Record) -> Result<DecisionRecord> {

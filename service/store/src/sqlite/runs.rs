@@ -6,6 +6,7 @@ mod commit;
 use std::ops::Range;
 
 use async_trait::async_trait;
+use bytes::Bytes;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use tokio::sync::watch;
@@ -19,13 +20,14 @@ use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Page, PageRequest};
 use crate::runs::{
     Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, MachineRuns, NewRun,
-    OpenCondition, Run, RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunState, Runs, TelemetryGap,
+    OpenCondition, RecordedCutHead, Run, RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunState, Runs,
+    TelemetryGap,
 };
 use crate::sql::fault::is_reference;
 use crate::sql::record::{signed, to_json, unsigned};
 use crate::sql::runs::{
     MACHINE_RUNS, Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, machine_runs, missing,
-    monitor, open_condition, open_conditions_query, pack, run, scope,
+    monitor, open_condition, open_conditions_query, pack, recorded_cut, recorded_cut_head, run, scope,
 };
 use crate::tenant::Tenant;
 
@@ -334,6 +336,23 @@ impl Runs for SqliteStore {
             .fetch_all(&mut *self.reader().await?)
             .await?;
         rows.iter().map(gap).collect()
+    }
+
+    async fn recorded_cuts(&self, id: Uuid) -> Result<Vec<RecordedCutHead>> {
+        let sql = "SELECT number, at_us, head FROM recorded_cuts WHERE run_id = ? ORDER BY number LIMIT ?";
+        let rows = sqlx::query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&mut *self.reader().await?).await?;
+        rows.iter().map(recorded_cut_head).collect()
+    }
+
+    async fn recorded_cut(&self, id: Uuid, number: u64) -> Result<Bytes> {
+        let sql = "SELECT body_bytes, body FROM recorded_cuts WHERE run_id = ? AND number = ?";
+        let row = sqlx::query(sql)
+            .bind(id.to_string())
+            .bind(signed("number of a recorded cut", number)?)
+            .fetch_optional(&mut *self.reader().await?)
+            .await?;
+        let missing = || StoreError::not_found(Kind::RecordedCut, format!("{id}/{number}"));
+        recorded_cut(&row.ok_or_else(missing)?).await
     }
 
     async fn decisions_after(&self, sequence: i64, filter: &DecisionFilter, limit: u32) -> Result<Vec<DecisionRecord>> {

@@ -1,8 +1,9 @@
 //! Runs and their decisions.
 
 use feedwave_store::{
-    AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRun, PageRequest, RunCheckpoint, RunCommit,
-    RunKind, RunMark, RunOverride, RunSetpoints, RunState, Store, StoreError, StoreSettings, TelemetryGap, Tenant,
+    AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRecordedCut, NewRun, PageRequest, RunCheckpoint,
+    RunCommit, RunKind, RunMark, RunOverride, RunSetpoints, RunState, Store, StoreError, StoreSettings, TelemetryGap,
+    Tenant,
 };
 use uuid::Uuid;
 
@@ -70,6 +71,49 @@ async fn a_run_goes_on_where_its_last_commit_left_it() {
     let twice = store.commit_run(run.id, again.attachment, decisions(2..4)).await;
     assert!(matches!(twice, Err(StoreError::Unavailable { .. })), "{twice:?}");
     assert_eq!(store.decisions_after(0, &filter, 10).await.unwrap().len(), 3);
+}
+
+#[tokio::test]
+async fn recorded_cuts_are_kept_with_the_batches_they_come_from_and_go_with_their_run() {
+    let place = Place::new();
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&place).await;
+    let cut = |number: u64| NewRecordedCut {
+        number,
+        head: format!("head {number}").into_bytes().into(),
+        body: vec![number as u8; 200_000].into(),
+    };
+    let recorded = |numbers: std::ops::Range<u64>| RunCommit {
+        telemetry: Some((Some(7), vec![3; 100].into())),
+        recorded_cuts: numbers.map(cut).collect(),
+        ..RunCommit::default()
+    };
+    store.commit_run(run.id, attachment, recorded(0..2)).await.unwrap();
+    // All of a commit or nothing of it.
+    let twice =
+        store.commit_run(run.id, attachment, RunCommit { decisions: vec![decision(0)], ..recorded(1..3) }).await;
+    assert!(matches!(twice, Err(StoreError::Unavailable { .. })), "{twice:?}");
+    let large =
+        NewRecordedCut { body: vec![0; (StoreSettings::default().max_snapshot_bytes + 1) as usize].into(), ..cut(2) };
+    let large = RunCommit { recorded_cuts: vec![large], ..RunCommit::default() };
+    let large = store.commit_run(run.id, attachment, large).await;
+    assert!(matches!(large, Err(StoreError::TooLarge { .. })), "{large:?}");
+    drop(store);
+
+    let store = open(&place).await;
+    let heads = store.recorded_cuts(run.id).await.unwrap();
+    let listed: Vec<_> = heads.iter().map(|head| (head.number, head.head.as_ref())).collect();
+    assert_eq!(listed, [(0, b"head 0".as_slice()), (1, b"head 1".as_slice())]);
+    assert_eq!(store.recorded_cut(run.id, 1).await.unwrap(), vec![1; 200_000]);
+    let missing = store.recorded_cut(run.id, 2).await;
+    assert!(matches!(missing, Err(StoreError::NotFound { kind: Kind::RecordedCut, .. })), "{missing:?}");
+    // Who was replaced records nothing more.
+    let newer = store.attach_run(run.id).await.unwrap().attachment;
+    assert!(matches!(store.commit_run(run.id, attachment, recorded(2..3)).await, Err(StoreError::Detached { .. })));
+    let end = RunCommit { end: Some((RunState::Finished, String::new())), ..recorded(2..3) };
+    store.commit_run(run.id, newer, end).await.unwrap();
+    assert_eq!(store.recorded_cuts(run.id).await.unwrap().len(), 3);
+    store.delete_job(run.job_id, None).await.unwrap();
+    assert!(store.recorded_cuts(run.id).await.unwrap().is_empty());
 }
 
 #[tokio::test]

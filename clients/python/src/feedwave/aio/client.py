@@ -27,6 +27,7 @@ from ..report import Report
 from ..setpoints import Override, Setpoints
 from ..v1 import (
     jobs_pb2,
+    learning_pb2,
     lobes_pb2,
     machines_pb2,
     monitoring_pb2,
@@ -257,6 +258,18 @@ class Client:
     ) -> lobes_pb2.StabilityLobes:
         """At which spindle speeds (rev/min) a tool cuts how deep (mm) without chatter."""
         return await self._do(_services.lobes, model, search, chart_speeds)
+
+    async def learn(self, source: Said[learning_pb2.LearningSource]) -> learning_pb2.ToolProposal:
+        """What the cuts that runs kept say of a tool, with its uncertainty, and what the tool would become. It changes nothing."""
+        return await self._do(_services.learn, source)
+
+    async def adopt(self, source: Said[learning_pb2.LearningSource], digest: str) -> tools_pb2.Tool:
+        """Writes a proposal of `learn` into its tool, by its digest; the tool as it is then.
+
+        Raises:
+            Aborted: when the proposal is another one by now.
+        """
+        return await self._do(_services.adopt, source, digest)
 
     async def plan_thread(self, request: Said[threads_pb2.PlanThreadRequest], *, machine: Machine = "lathe") -> threads_pb2.PlanThreadResponse:
         """The passes of a thread whose chip breaks, as data and as a program."""

@@ -36,6 +36,8 @@ class _Connected(TelemetryInfo):
         spindle_angle_deg: Samples | None = None,
         spindle_rev_per_min: Samples | None = None,
         contact: Samples | None = None,
+        velocity: tuple[Samples, Samples] | None = None,
+        line: Samples | None = None,
         events: Iterable[Said[telemetry_pb2.MachineEvent]] = (),
     ) -> None:
         """Sends consecutive samples; they are kept, and sent again after a break, until they are durable.
@@ -47,9 +49,11 @@ class _Connected(TelemetryInfo):
             spindle_angle_deg: spindle angle, degrees.
             spindle_rev_per_min: measured spindle speed, rev/min.
             contact: whether tool and work touch; one value stands for all samples.
+            velocity: velocity of the commanded motion, mm/s, where cuts are recorded.
+            line: source line that is being cut, where cuts are recorded.
             events: what happened on the machine ahead of these samples, as in `{"programmed_rev_per_min": 3000.0}`.
         """
-        batch = batch_of(time_ns, tool, work, commanded, spindle_angle_deg, spindle_rev_per_min, contact, events)
+        batch = batch_of(time_ns, tool, work, commanded, spindle_angle_deg, spindle_rev_per_min, contact, velocity, line, events)
         while not self._link.send(batch):
             waiting = self._link.waits
             await self._step_while(lambda: self._link.waits >= waiting)

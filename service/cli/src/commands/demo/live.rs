@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use feedwave_contract::proto::decision_inputs::Evidence;
-use feedwave_contract::proto::{Decision, DecisionAction, ReplayRunRequest, RunState, SetMonitoringRequest};
+use feedwave_contract::proto::{
+    Decision, DecisionAction, ReplayRunRequest, RunSettings, RunState, SetMonitoringRequest,
+};
 use feedwave_simulator::{Contact, Description, Simulator, Where};
 
 use super::super::CliError;
@@ -50,7 +52,7 @@ pub(super) async fn all(
         Simulator::new(Description { interpolation_period_us, ..description })
             .map_err(|violations| CliError::trouble(format!("{violations:?}")))
     };
-    let mut run = Drive::begin(client, &checked.job.name, limits_mm, simulate).await?;
+    let mut run = Drive::begin(client, &checked.job.name, RunSettings::default(), limits_mm, simulate).await?;
     let mut heard: Vec<Decision> = Vec::new();
     let mut hear = |decision: &Decision| {
         heard.push(decision.clone());

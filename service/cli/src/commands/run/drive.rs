@@ -9,8 +9,8 @@ use feedwave_contract::proto::run_response::Message;
 use feedwave_contract::proto::run_start::Target;
 use feedwave_contract::proto::{
     ChannelPair, Decision, DecisionAction, GetRunRequest, MachineEvent, MonitorState, RunCommand, RunCommandKind,
-    RunCredit, RunReceipt, RunRequest, RunResponse, RunSpindleRequest, RunStart, RunStarted, SpindleAnswer,
-    SpindleAnswerKind, TelemetryBatch,
+    RunCredit, RunReceipt, RunRequest, RunResponse, RunSettings, RunSpindleRequest, RunStart, RunStarted,
+    SpindleAnswer, SpindleAnswerKind, TelemetryBatch,
 };
 use feedwave_cutting::SetpointBlock;
 use feedwave_monitoring::{Batch, Pair};
@@ -69,9 +69,14 @@ pub(in crate::commands) struct Drive {
 }
 
 impl Open {
-    async fn connect(client: &Client, target: Target, start_index: u64) -> Result<(Self, RunStarted), Status> {
+    async fn connect(
+        client: &Client,
+        target: Target,
+        start_index: u64,
+        settings: Option<RunSettings>,
+    ) -> Result<(Self, RunStarted), Status> {
         let (requests, messages) = mpsc::channel(64);
-        let start = RunStart { target: Some(target), start_index, ..RunStart::default() };
+        let start = RunStart { target: Some(target), start_index, settings, ..RunStart::default() };
         let first = RunRequest { message: Some(Request::Start(start)) };
         let gone = |_| Status::internal("the request was closed");
         requests.send(first).await.map_err(gone)?;
@@ -93,10 +98,11 @@ impl Drive {
     pub(in crate::commands) async fn begin(
         client: &Client,
         job: &str,
+        settings: RunSettings,
         limits_mm: Option<[f64; 2]>,
         machine: impl FnOnce(u32) -> Result<Simulator, CliError>,
     ) -> Result<Self, CliError> {
-        let connected = Open::connect(client, Target::Job(job.to_owned()), 0).await;
+        let connected = Open::connect(client, Target::Job(job.to_owned()), 0, Some(settings)).await;
         let (open, started) = connected.map_err(|status| client.failed(&status))?;
         let state = started.state();
         let RunStarted { run: name, header, .. } = started;
@@ -128,7 +134,7 @@ impl Drive {
     pub(in crate::commands) async fn take_up(&mut self, on: OnDecision<'_>) -> Result<Option<u64>, CliError> {
         let mut retries = 0;
         let started = loop {
-            match Open::connect(&self.client, Target::Run(self.name.clone()), self.taken).await {
+            match Open::connect(&self.client, Target::Run(self.name.clone()), self.taken, None).await {
                 Ok((open, started)) => {
                     self.open = open;
                     break started;
@@ -379,8 +385,10 @@ fn batch_to_proto(batch: &Batch<'_>) -> TelemetryBatch {
         tool: pair(batch.tool),
         work: pair(batch.work),
         commanded: pair(batch.commanded),
+        velocity: pair(batch.velocity_mm_per_s),
         spindle_angle_deg: batch.spindle_angle_deg.unwrap_or_default().to_vec(),
         spindle_rev_per_min: batch.spindle_rev_per_min.unwrap_or_default().to_vec(),
         contact: batch.contact.unwrap_or_default().to_vec(),
+        line: batch.line.unwrap_or_default().to_vec(),
     }
 }

@@ -19,7 +19,7 @@ pub(super) struct Table {
 }
 
 /// Every table that holds records; what another one refers to comes first.
-pub(super) const TABLES: [Table; 20] = [
+pub(super) const TABLES: [Table; 21] = [
     Table { name: "contents", keys: 1, columns: &[("id", Integer)] },
     Table {
         name: "program_chunks",
@@ -221,6 +221,18 @@ pub(super) const TABLES: [Table; 20] = [
             ("digest_state", Bytes),
             ("snapshot_bytes", Integer),
             ("snapshot", Bytes),
+        ],
+    },
+    Table {
+        name: "recorded_cuts",
+        keys: 2,
+        columns: &[
+            ("run_id", Text),
+            ("number", Integer),
+            ("at_us", Integer),
+            ("head", Bytes),
+            ("body_bytes", Integer),
+            ("body", Bytes),
         ],
     },
     Table {

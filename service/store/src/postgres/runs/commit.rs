@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::postgres::lane::{Log, Transaction};
 use crate::runs::{DecisionRecord, NewDecision, RunOverride, RunState};
 use crate::sql::record::{parsed, tenant};
-use crate::sql::runs::{Packed, raised};
+use crate::sql::runs::{Packed, PackedCut, raised};
 use crate::tenant::Tenant;
 
 /// Writes a commit to a run that is open and attached so; the records of its decisions.
@@ -49,6 +49,7 @@ pub(super) async fn write(
 
     insert_gaps(tx, &run_id, &packed.gaps, at_us).await?;
     insert_overrides(tx, &run_id, &packed.overrides).await?;
+    insert_recorded_cuts(tx, &run_id, &packed.recorded_cuts, at_us).await?;
     let mut records = Vec::with_capacity(packed.decisions.len());
     for (number, decision) in &packed.decisions {
         let sequence = insert_decision(tx, id, of, (*number, decision), at_us).await?;
@@ -88,6 +89,23 @@ async fn insert_overrides(tx: &mut Transaction, run_id: &str, overrides: &[([i64
         row.push_bind(run_id).push_bind(number).push_bind(index).push_bind(change.ratio).push_bind(&change.cause);
     });
     sql.build().persistent(false).execute(&mut tx.connection).await?;
+    Ok(())
+}
+
+async fn insert_recorded_cuts(tx: &mut Transaction, run_id: &str, cuts: &[PackedCut], at_us: i64) -> Result<()> {
+    for PackedCut { number, head, body_bytes, body } in cuts {
+        sqlx::query(
+            "INSERT INTO recorded_cuts (run_id, number, at_us, head, body_bytes, body) VALUES ($1, $2, $3, $4, $5, $6)",
+        )
+        .bind(run_id)
+        .bind(number)
+        .bind(at_us)
+        .bind(head.as_slice())
+        .bind(body_bytes)
+        .bind(body.as_slice())
+        .execute(&mut tx.connection)
+        .await?;
+    }
     Ok(())
 }
 

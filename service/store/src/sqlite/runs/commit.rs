@@ -7,7 +7,7 @@ use super::{refusal, tell};
 use crate::error::Result;
 use crate::runs::{DecisionRecord, NewDecision, RunOverride, RunState};
 use crate::sql::record::{parsed, tenant};
-use crate::sql::runs::{Packed, raised};
+use crate::sql::runs::{Packed, PackedCut, raised};
 use crate::sqlite::writer::Transaction;
 use crate::tenant::Tenant;
 
@@ -50,6 +50,7 @@ pub(super) async fn write(
 
     insert_gaps(tx, &run_id, packed.gaps, at_us).await?;
     insert_overrides(tx, &run_id, packed.overrides).await?;
+    insert_recorded_cuts(tx, &run_id, packed.recorded_cuts, at_us).await?;
     let mut records = Vec::with_capacity(packed.decisions.len());
     for (number, decision) in packed.decisions {
         let sequence = insert_decision(tx, id, of, (number, &decision), at_us).await?;
@@ -82,6 +83,23 @@ async fn insert_overrides(tx: &mut Transaction, run_id: &str, overrides: Vec<([i
         row.push_bind(change.cause);
     });
     sql.build().persistent(false).execute(&mut tx.connection).await?;
+    Ok(())
+}
+
+async fn insert_recorded_cuts(tx: &mut Transaction, run_id: &str, cuts: Vec<PackedCut>, at_us: i64) -> Result<()> {
+    for PackedCut { number, head, body_bytes, body } in cuts {
+        sqlx::query(
+            "INSERT INTO recorded_cuts (run_id, number, at_us, head, body_bytes, body) VALUES (?, ?, ?, ?, ?, ?)",
+        )
+        .bind(run_id)
+        .bind(number)
+        .bind(at_us)
+        .bind(head)
+        .bind(body_bytes)
+        .bind(body)
+        .execute(&mut tx.connection)
+        .await?;
+    }
     Ok(())
 }
 
