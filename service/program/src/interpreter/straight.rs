@@ -92,7 +92,7 @@ impl Interpreter {
         let coords = &state.coords;
         let is_transformed = coords.transform.is_some() || coords.polar.is_some() || coords.awaits_absolute;
         let is_as_usual = state.phase == Phase::Blocks
-            && state.readable_seen
+            && state.evidence.is_settled()
             && state.unread == 0
             && state.feed_unit != FeedUnit::InverseTime
             && !self.settings.plain_drawing_words;

@@ -1,6 +1,6 @@
 use feedwave_program::{
-    BoringShift, DecimalPointRule, DrillingSettings, DrillingStyle, FunctionSwitch, PathControlMode, PeckReturn,
-    ThreadEWord,
+    BoringShift, DecimalPointRule, DrillingSettings, DrillingStyle, FunctionSwitch, LanguageSettings, PathControlMode,
+    PeckReturn, ThreadEWord,
 };
 
 use super::functions::five_axis::tests::five_axis_mill;
