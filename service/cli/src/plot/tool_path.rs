@@ -170,7 +170,7 @@ fn joined(segments: Vec<[Place; 2]>) -> Vec<[Place; 2]> {
     for [from, to] in upright {
         match joined.last_mut() {
             Some([first, last]) if first.0 == last.0 && first.0 == from.0 && from.1 <= last.1 => {
-                last.1 = last.1.max(to.1)
+                last.1 = last.1.max(to.1);
             }
             _ => joined.push([from, to]),
         }

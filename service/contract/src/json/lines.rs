@@ -5,7 +5,12 @@
 mod text;
 
 mod generated {
-    #![allow(clippy::wildcard_imports, reason = "generated; the types are those of the contract")]
+    #![allow(
+        clippy::wildcard_imports,
+        clippy::deref_addrof,
+        clippy::suspicious_else_formatting,
+        reason = "generated; the types are those of the contract"
+    )]
 
     use super::{Line, Same, Text, Written, text};
     use crate::proto::*;

@@ -157,8 +157,8 @@ impl Problem {
             let (before, after) = (self.knots.at(index as isize - 2), self.knots.at(index as isize + 1));
             self.weights.push((after - before) / 3.0);
         }
-        for index in 0..intervals {
-            self.set_interval(path, samples, index, holds[index]);
+        for (index, &hold) in holds[..intervals].iter().enumerate() {
+            self.set_interval(path, samples, index, hold);
         }
     }
 
