@@ -7,6 +7,7 @@
 # else packages unpacked into the target directory, so that nothing is installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+source .ci/debian
 
 root=${CARGO_TARGET_DIR:-$PWD/target}/ci/mosquitto
 readonly packages=(mosquitto mosquitto-clients libmosquitto1 libcjson1 libwrap0 libdlt2)
@@ -26,32 +27,17 @@ find_program() {
     return 1
 }
 
-unpack() {
-    command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || missing "it comes from Debian's packages, and there is no apt-get"
-    rm -rf "$root"
-    mkdir -p "$root/packages"
-    for package in "${packages[@]}"; do
-        (cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
-            (apt-get update >/dev/null 2>&1 && cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
-            missing "apt-get download $package failed: $(tail -n 1 "$root/apt.log")"
-    done
-    for package in "$root"/packages/*.deb; do
-        dpkg-deb -x "$package" "$root"
-    done
-    touch "$root/complete"
-}
-
 base=
 for program in "${programs[@]}"; do
     find_program "" "$program" >/dev/null || base=$root
 done
-[[ -z $base || -e $root/complete ]] || unpack
+[[ -z $base ]] || unpack_debian "$root" "${packages[@]}" || missing "it is not installed"
 
 # One folder for programs of two, with the libraries that come with them.
 folder=$(mktemp -d "${TMPDIR:-/tmp}/feedwave-mqtt.XXXXXX")
 trap 'rm -rf "$folder"' EXIT
 trap 'exit 1' INT TERM HUP
-libraries=${base:+$base/usr/lib/$(dpkg --print-architecture | sed 's/amd64/x86_64/; s/arm64/aarch64/')-linux-gnu}
+libraries=${base:+$(debian_libraries "$base")}
 for program in "${programs[@]}"; do
     path=$(find_program "$base" "$program") || missing "there is no $program"
     printf '#!/bin/sh\nexec env %s%q "$@"\n' \

@@ -9,6 +9,7 @@
 # directory, so that nothing is installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+source .ci/debian
 
 scratch=${CARGO_TARGET_DIR:-$PWD/target}/ci
 root=$scratch/postgresql
@@ -24,27 +25,12 @@ programs() {
     find "$1/usr/lib/postgresql" -path '*/bin/initdb' -printf '%h\n' 2>/dev/null | sort -V | tail -n 1
 }
 
-unpack() {
-    command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || missing "it comes from Debian's packages, and there is no apt-get"
-    rm -rf "$root"
-    mkdir -p "$root/packages"
-    for package in "${packages[@]}"; do
-        (cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
-            (apt-get update >/dev/null 2>&1 && cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
-            missing "apt-get download $package failed: $(tail -n 1 "$root/apt.log")"
-    done
-    for package in "$root"/packages/*.deb; do
-        dpkg-deb -x "$package" "$root"
-    done
-    touch "$root/complete"
-}
-
 libraries=
 bin=$(programs '')
 if [[ -z $bin ]]; then
-    [[ -e $root/complete ]] || unpack
+    unpack_debian "$root" "${packages[@]}" || missing "it is not installed"
     bin=$(programs "$root")
-    libraries=$root/usr/lib/$(dpkg --print-architecture | sed 's/amd64/x86_64/; s/arm64/aarch64/')-linux-gnu
+    libraries=$(debian_libraries "$root")
 fi
 [[ -x $bin/postgres ]] || missing "no server in ${bin:-/usr/lib/postgresql}"
 

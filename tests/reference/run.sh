@@ -7,6 +7,7 @@
 # runs with the Python of the same Debian. FEEDWAVE names a built binary; without it one is built.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+source .ci/debian
 
 scratch=${CARGO_TARGET_DIR:-$PWD/target}/ci
 root=$scratch/linuxcnc
@@ -17,22 +18,9 @@ missing() {
     exit 1
 }
 
-if [[ ! -e $root/complete ]]; then
-    command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || missing "it comes from Debian's packages, and there is no apt-get"
-    rm -rf "$root"
-    mkdir -p "$root/packages"
-    for package in "${packages[@]}"; do
-        (cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
-            (apt-get update >/dev/null 2>&1 && cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
-            missing "apt-get download $package failed: $(tail -n 1 "$root/apt.log")"
-    done
-    for package in "$root"/packages/*.deb; do
-        dpkg-deb -x "$package" "$root"
-    done
-    touch "$root/complete"
-fi
+unpack_debian "$root" "${packages[@]}" || missing "it cannot be unpacked"
 
-libraries=$root/usr/lib:$root/usr/lib/$(dpkg-architecture -qDEB_HOST_MULTIARCH 2>/dev/null || echo x86_64-linux-gnu)
+libraries=$root/usr/lib:$(debian_libraries "$root")
 modules=$root/usr/lib/python3/dist-packages
 # The module is built for one version of Python.
 version=$(basename "$modules"/gcode.cpython-*.so | sed -E 's/gcode\.cpython-3([0-9]+)-.*/3.\1/')

@@ -74,6 +74,26 @@ struct Place {
     feed_held: bool,
 }
 
+impl Place {
+    /// Shows what the other replica told, and reads the conditions again where it may have raised or ended one.
+    async fn update(&mut self, store: &Store, view: &RunView) -> Result<()> {
+        let last = view.activity.last_decision.as_ref();
+        let (decision, feed_held) = (last.map(|last| last.number), view.activity.feed_held);
+        let may_raise = last.is_some_and(|last| {
+            // Of those in between nothing is known.
+            let skipped = self.decision.is_none_or(|known| last.number > known + 1);
+            skipped || last.outcome.unwrap_or_default().reason() == DecisionReason::AboveLimitAtBound
+        });
+        self.floor.update(&self.machine_id, self.ticket, view);
+        if (may_raise && self.decision != decision) || (feed_held && !self.feed_held) {
+            let logged = logged(store, view).await?;
+            self.floor.change(&self.machine_id, |machine| machine.know(logged));
+        }
+        (self.decision, self.feed_held) = (decision, feed_held);
+        Ok(())
+    }
+}
+
 /// What another replica told of a run last.
 #[derive(Debug)]
 struct Heard {
@@ -236,29 +256,16 @@ impl Sharing {
                 return Ok(());
             }
         };
-        let decision = view.activity.last_decision.as_ref().map(|decision| decision.number);
-        let feed_held = view.activity.feed_held;
         match (&mut heard.place, told.is_connected) {
             (None, true) => {
                 let floor = self.floors.of(told.tenant);
                 let logged = logged(&self.store, &view).await?;
+                let decision = view.activity.last_decision.as_ref().map(|decision| decision.number);
+                let feed_held = view.activity.feed_held;
                 let ticket = floor.connect(&machine_id, view, logged, true);
                 heard.place = Some(Place { floor, machine_id, ticket, decision, feed_held });
             }
-            (Some(place), true) => {
-                let may_raise = view.activity.last_decision.as_ref().is_some_and(|last| {
-                    // Of those in between nothing is known.
-                    let skipped = place.decision.is_none_or(|known| last.number > known + 1);
-                    let reason = last.outcome.unwrap_or_default().reason();
-                    skipped || reason == DecisionReason::AboveLimitAtBound
-                });
-                place.floor.update(&place.machine_id, place.ticket, &view);
-                if (may_raise && place.decision != decision) || (feed_held && !place.feed_held) {
-                    let logged = logged(&self.store, &view).await?;
-                    place.floor.change(&place.machine_id, |machine| machine.know(logged));
-                }
-                (place.decision, place.feed_held) = (decision, feed_held);
-            }
+            (Some(place), true) => place.update(&self.store, &view).await?,
             (Some(place), false) => {
                 place.floor.disconnect(&place.machine_id, place.ticket, Some(view));
                 heard.place = None;
