@@ -205,3 +205,15 @@ proptest! {
         every_machine(Function::Thinning, &numbers, machine, &changes, (resume, piece))?;
     }
 }
+
+proptest! {
+    // Each is as long as three of the others.
+    #![proptest_config(ProptestConfig::with_cases(14))]
+
+    #[test]
+    fn several_functions_in_one_program(
+        numbers in numbers(), machine in any::<usize>(), changes in changes(), resume in 0.0..1.0_f64, piece in 1..400_usize,
+    ) {
+        every_machine(Function::Several, &numbers, machine, &changes, (resume, piece))?;
+    }
+}

@@ -11,11 +11,11 @@ use feedwave_cutting::tool_oscillation::{
 use feedwave_cutting::{MachineProfile, PipelineConfig, PlanQuality, Tool};
 use feedwave_motion::kinematics::KinematicsDescription;
 use feedwave_motion::kinematics::vector::Vec3;
-use feedwave_program::Axis;
+use feedwave_program::{Axis, TiltedPlane};
 
 use super::common::machines::{config_of, direction_at, kinds, kinematics};
 
-/// The five functions.
+/// The five functions, and programs of several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Function {
     PathVibration,
@@ -23,6 +23,9 @@ pub enum Function {
     Thread,
     FiveAxis,
     Thinning,
+    /// Several in one program: vibration, drilling cycles and oscillation on a mill, vibration and a thread on a lathe, a tilted plane
+    /// with vibration and a drilling cycle before a guided cut with thinning and vibration in five axes.
+    Several,
 }
 
 /// A kind of machine.
@@ -85,6 +88,11 @@ impl Function {
             Self::ToolOscillation => [Kind::Mill].into_iter().chain(five_axes).collect(),
             Self::Thread => vec![Kind::Lathe],
             Self::FiveAxis | Self::Thinning => five_axes.collect(),
+            // Planes need a tool along Z.
+            Self::Several => {
+                let upright = |kind: &Kind| !matches!(kind, Kind::FiveAxis(_, description) if description.tool_direction != [0.0, 0.0, 1.0]);
+                [Kind::Lathe, Kind::Mill].into_iter().chain(five_axes).filter(upright).collect()
+            }
         }
     }
 
@@ -94,6 +102,9 @@ impl Function {
             (Self::PathVibration, Kind::Lathe) => turned(numbers),
             (Self::PathVibration, Kind::Mill) => milled(numbers),
             (Self::ToolOscillation, Kind::Mill) => oscillating(numbers),
+            (Self::Several, Kind::Lathe) => turned_and_threaded(numbers),
+            (Self::Several, Kind::Mill) => milled_with_all(numbers),
+            (Self::Several, Kind::FiveAxis(name, description)) => plane_and_guided(name, description.clone(), numbers),
             (function, Kind::FiveAxis(name, description)) => guided(function, name, description.clone(), numbers),
             (function, kind) => unreachable!("{function:?} on {kind:?}"),
         };
@@ -292,4 +303,97 @@ fn guided(function: Function, name: &str, description: KinematicsDescription, nu
     let rounded = tip_mm.map(|value: f64| (value * 1e4).round() / 1e4);
     let ends = vec![End::Tip(rounded)];
     Case { name: format!("{function:?} on {name}, {method:?}"), config, program, ends, jerk: Some(1e-6) }
+}
+
+/// A drilling cycle over two holes; the block that it begins with.
+fn drilling(numbers: &Numbers, feed: f64) -> String {
+    let [x, y] = [numbers.at(22, -10.0, 10.0), numbers.at(23, -10.0, 10.0)];
+    let bottom = -numbers.at(24, 2.0, 6.0);
+    let cycle = match (numbers.flags[1], numbers.flags[2]) {
+        (false, false) => "G81",
+        (false, true) => "G82 P40",
+        (true, false) => "G83 Q1.7",
+        (true, true) => "G73 Q1.1",
+    };
+    let level = if numbers.flags[3] { "G99" } else { "G98" };
+    format!("{level} {cycle} X{x} Y{y} Z{bottom} R2 F{feed}\nX{:.3}\nG80\n", x + 7.0)
+}
+
+/// Vibration, a drilling cycle, oscillation, and vibration again, on a mill.
+fn milled_with_all(numbers: &Numbers) -> Case {
+    let mut config = PipelineConfig::new(MachineProfile::mill());
+    config.profile.language.drilling.peck_clearance_mm = Some(1.0);
+    config.profile.language.drilling.chip_break_retract_mm = Some(0.5);
+    let [frequency_hz, amplitude_mm] = vibration(numbers, &config);
+    with_oscillation(&mut config, numbers);
+    let [x, y] = [numbers.at(1, 5.0, 20.0), numbers.at(2, -15.0, 15.0)];
+    let radius = numbers.at(3, 15.0, 25.0);
+    let feed = numbers.at(4, 100.0, 250.0);
+    let mut program = format!("T1 M6\nG21 G90 G17 M3 S{}\nG0 X0 Y0 Z5\n", numbers.at(5, 300.0, 600.0).round());
+    let _ = writeln!(program, "G1 Z-1 F300\nG200 F{frequency_hz} A{amplitude_mm}\nG1 X{x} Y{y} F{feed}\nG201\nG0 Z20");
+    program += &drilling(numbers, feed);
+    let _ = writeln!(
+        program,
+        "G0 X0 Y0 Z5\nG1 Z-1 F300\nG202 P1 D1\nG1 X{x} Y{y} F{feed}\nG3 X{} Y{y} R{radius}\nG203",
+        x + 2.0 * radius
+    );
+    let _ = writeln!(
+        program,
+        "G64 P0.02\nG1 X{x}\nX0 Y0\nG61\nG200 F{frequency_hz} A{amplitude_mm}\nX9 F{feed}\nG2 X19 R5\nG201\nG0 Z20\nM30"
+    );
+    let ends = vec![
+        End::Axes(vec![(0, x), (1, y), (2, -1.0)]),
+        End::Axes(vec![(0, x + 2.0 * radius), (1, y), (2, -1.0)]),
+        End::Axes(vec![(0, 19.0), (1, 0.0), (2, 20.0)]),
+    ];
+    Case { name: "milling with everything".to_owned(), config, program, ends, jerk: Some(1e-6) }
+}
+
+/// Vibrating cuts before and behind a vibrating thread, on a lathe.
+fn turned_and_threaded(numbers: &Numbers) -> Case {
+    let Case { mut config, program: threaded, ends: thread_ends, .. } = thread(numbers);
+    let [frequency_hz, amplitude_mm] = vibration(numbers, &config);
+    config.profile.vibration.amplitude_follows_feed_up_to = numbers.flags[0].then_some(1.2);
+    let feed = numbers.at(24, 0.03, 0.1);
+    let cut = |x: f64| {
+        format!(
+            "G97 S{} M3\nG0 X{x} Z2.\nG200 F{frequency_hz} A{amplitude_mm}\nG1 Z-6. F{feed}\nX{}\nG201\nG0 X90.\n",
+            numbers.at(25, 400.0, 900.0).round(),
+            x + 4.0
+        )
+    };
+    let body = threaded.trim_end().strip_suffix("M30").unwrap_or(&threaded).to_owned();
+    let program = format!("G21\n{}{body}{}G0 X90. Z20.\nM30\n", cut(32.0), cut(28.0));
+    let mut ends = thread_ends;
+    ends.push(End::Axes(vec![(0, 18.0), (1, -6.0)]));
+    ends.push(End::Axes(vec![(0, 16.0), (1, -6.0)]));
+    Case { name: "turning and threading with vibration".to_owned(), config, program, ends, jerk: Some(0.014) }
+}
+
+/// A tilted plane with vibration and a drilling cycle, then a guided cut that is thinned and vibrates.
+fn plane_and_guided(name: &str, description: KinematicsDescription, numbers: &Numbers) -> Case {
+    let guided = guided(Function::Thinning, name, description, numbers);
+    let Case { mut config, program: guided_program, mut ends, .. } = guided;
+    config.profile.language.drilling.peck_clearance_mm = Some(1.0);
+    config.profile.language.drilling.chip_break_retract_mm = Some(0.5);
+    let origin = [10, 11, 12].map(|index| numbers.at(index, -10.0, 10.0));
+    let angles = [numbers.at(13, -30.0, 30.0), numbers.at(14, 3.0, 20.0), numbers.at(15, -30.0, 30.0)];
+    let ([x, y, z], [i, j, k]) = (origin, angles);
+    let feed = numbers.at(16, 200.0, 700.0);
+    let [to_x, to_y] = [numbers.at(17, 8.0, 15.0), numbers.at(18, -6.0, 6.0)];
+    let mut program =
+        format!("T1 M6\nG21 G90 G17 M3 S600\nG68.2 X{x} Y{y} Z{z} I{i} J{j} K{k}\nG53.1\nG43 H1\nG0 X0 Y0 Z20\n");
+    let [frequency_hz, amplitude_mm] = [numbers.at(30, 3.0, 8.0), numbers.at(31, 0.005, 0.03)];
+    let _ = writeln!(
+        program,
+        "G1 Z1 F{feed}\nG200 F{frequency_hz} A{amplitude_mm}\nG1 X{to_x} Y{to_y}\nG3 X{:.3} R6\nG201\nG0 Z20",
+        to_x + 8.0
+    );
+    program += &drilling(numbers, feed);
+    program += "G0 Z30\nG49\nG69\n";
+    program += guided_program.trim_start_matches("T1 M6\nG21 G90 M3 S600\n");
+    let plane = TiltedPlane::by_euler_angles(origin, angles, 0);
+    // Where the vibrating section ends; inside of it blocks end between setpoints.
+    ends.push(End::Tip(plane.to_work([((to_x + 8.0) * 1e3).round() / 1e3, to_y, 1.0])));
+    Case { name: format!("a tilted plane and a guided cut on {name}"), config, program, ends, jerk: Some(1e-6) }
 }
