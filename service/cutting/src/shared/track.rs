@@ -98,20 +98,20 @@ impl<B> Default for Track<B> {
 
 impl<B: PathBarrier> Track<B> {
     pub(crate) fn push(&mut self, planned: Planned<B>) {
+        if let Some(last) = self.items.back_mut().filter(|last| last.is_shown()) {
+            // A feed hold stands, or stood, at its start.
+            self.shown = 0;
+            if matches!(planned, Planned::Motion(_)) {
+                last.planned = planned;
+                return self.count_bytes();
+            }
+            // What is to be done before that motion: see [`Track::leave_shown`].
+            self.known_mm = last.start_mm;
+        }
         match &planned {
             Planned::Barrier(barrier) if barrier.starts_path() => self.known_mm = 0.0,
             Planned::Barrier(barrier) if barrier.ends_path() => self.end_is_known = true,
             _ => {}
-        }
-        if let Some(last) = self.items.back_mut()
-            && last.is_shown()
-            && matches!(planned, Planned::Motion(_))
-        {
-            // A feed hold stood at its start.
-            last.planned = planned;
-            self.shown = 0;
-            self.count_bytes();
-            return;
         }
         let item = Item { start_mm: self.known_mm, planned };
         self.known_mm += item.length_mm();
@@ -142,6 +142,9 @@ impl<B: PathBarrier> Track<B> {
         self.end_is_shown = false;
         self.known_mm = self.items.get(from).map_or(self.known_mm, |item| item.start_mm);
         self.shown = self.items.range(..from).rev().take_while(|item| item.is_shown()).count();
+        if let Some(last) = self.items.range(..from).next_back().filter(|last| last.is_shown()) {
+            self.known_mm = last.start_mm + last.length_mm();
+        }
         self.bytes = self.items.range(..from).map(Item::bytes).sum();
         self.items.drain(from..).map(|item| item.planned)
     }
@@ -168,8 +171,19 @@ impl<B: PathBarrier> Track<B> {
                     self.end_is_shown = true;
                     return;
                 }
+                // No section is in progress, and what lies behind is another path.
+                Ahead::Barrier(barrier) if barrier.starts_path() => return,
                 _ => {}
             }
+        }
+    }
+
+    /// Forgets the motion that the tool waits for, where it is only shown and something is to be done before it.
+    pub(crate) fn leave_shown(&mut self) {
+        let is_shown = self.items.get(self.current).is_some_and(Item::is_shown);
+        if is_shown && self.current + 1 < self.items.len() - self.shown {
+            self.items.remove(self.current);
+            self.count_bytes();
         }
     }
 

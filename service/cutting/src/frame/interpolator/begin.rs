@@ -8,6 +8,7 @@ use super::{Activity, ActivityKind, After, Barrier, Interpolator};
 impl Interpolator {
     /// Takes the next item; `false` when it, or the path that the vibration may reach from it, is not there yet.
     pub(super) fn begin(&mut self) -> bool {
+        self.state.track.leave_shown();
         let Some(item) = self.state.track.current() else { return false };
         if let (Some(index), Planned::Motion(motion)) = (self.state.resume, item) {
             if index >= motion.stretches.len() || !self.reach_is_known() {

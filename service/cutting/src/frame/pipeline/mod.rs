@@ -344,8 +344,11 @@ impl Pipeline {
                         if self.reaches_place() {
                             break;
                         }
-                        if self.read_line() == Reading::NeedInput {
-                            return Step::NeedInput(self.pages.wanted());
+                        match self.read_line() {
+                            Reading::NeedInput => return Step::NeedInput(self.pages.wanted()),
+                            Reading::More => {}
+                            // A fault of ours, which must not go on for ever: its end finishes the path.
+                            Reading::Ended => unreachable!("a program that has ended leaves nothing to wait for"),
                         }
                     }
                 },
