@@ -1,5 +1,5 @@
 //! Decisions and jobs made durable in a file and on a PostgreSQL server, in the same run, and on the server through one, two and three
-//! replicas at once. Without `FEEDWAVE_TEST_STORE` only the file is measured:
+//! replicas at once; and how long after that the other replicas know of an event. Without `FEEDWAVE_TEST_STORE` only the file is measured:
 //!
 //! ```text
 //! tests/postgres/run.sh cargo bench -p feedwave-store --bench replicas
@@ -89,6 +89,50 @@ async fn measure(name: &str, uri: &StoreUri, replicas: usize, callers: usize, ki
     }
 }
 
+/// Events of each line.
+const EVENTS: usize = 500;
+
+/// Makes events at one of three replicas, one after another, while so many callers write at each, and prints how long after they were
+/// acknowledged both others know of them.
+async fn hear(uri: &StoreUri, callers: usize) {
+    let mut stores = Vec::new();
+    for _ in 0..3 {
+        stores.push(Store::open(uri, StoreSettings::default()).await.expect("opens"));
+    }
+    let program = stores[0].put_program(Tenant::DEFAULT, "M30\n".into()).await.expect("puts").id;
+    let mut tasks = JoinSet::new();
+    for store in &stores {
+        for _ in 0..callers {
+            // Until they are stopped.
+            tasks.spawn(work(store.clone(), program, Work::Decisions, Instant::now() + TIME * 1_000));
+        }
+    }
+    let mut times = Vec::new();
+    for _ in 0..EVENTS {
+        stores[0].create_job(new_job(program)).await.expect("creates a job");
+        let acknowledged = Instant::now();
+        let newest = *stores[0].watch_events().borrow();
+        for store in &stores[1..] {
+            store.watch_events().wait_for(|known| *known >= newest).await.expect("is open");
+        }
+        times.push(acknowledged.elapsed());
+        // Not all at the same moment of what a replica does again and again.
+        tokio::time::sleep(Duration::from_millis(times.len() as u64 % 7)).await;
+    }
+    tasks.shutdown().await;
+    times.sort_unstable();
+    let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize].as_secs_f64() * 1e3;
+    println!(
+        "known to both other replicas, {callers:>3} callers each: p50 {:>6.2} ms, p99 {:>6.2} ms, at most {:>6.2} ms",
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
+    for store in stores {
+        store.close().await;
+    }
+}
+
 #[tokio::main]
 async fn main() {
     let folder = tempfile::TempDir::new().expect("a temporary folder");
@@ -96,6 +140,11 @@ async fn main() {
     let server = std::env::var("FEEDWAVE_TEST_STORE").ok().map(|pattern| -> StoreUri {
         pattern.replace("{}", &format!("bench-{}", Uuid::now_v7())).parse().expect("a URI")
     });
+    if let Some(server) = &server {
+        for callers in [0, 1, 4, MANY] {
+            hear(server, callers).await;
+        }
+    }
     for kind in [Work::Decisions, Work::Jobs] {
         for callers in [1, MANY] {
             measure("file", &file, 1, callers, kind).await;

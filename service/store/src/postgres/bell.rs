@@ -45,15 +45,31 @@ struct Tasks {
     stops: [oneshot::Sender<()>; 2],
 }
 
-/// The newest numbers of the logs and the time, microseconds since the Unix epoch.
+/// What is asked: the newest numbers of the logs and the time, microseconds since the Unix epoch.
+macro_rules! question {
+    ($more:literal) => {
+        concat!(
+            "SELECT (SELECT newest FROM counters WHERE name = 'decision'), (SELECT newest FROM counters WHERE name = 'event'),
+                (EXTRACT(EPOCH FROM CLOCK_TIMESTAMP()) * 1000000)::BIGINT",
+            $more
+        )
+    };
+}
+
 async fn ask(connection: &mut PgConnection) -> Result<(Newest, i64)> {
-    let (decision, event, now_us): (i64, i64, i64) = sqlx::query_as(
-        "SELECT (SELECT newest FROM counters WHERE name = 'decision'), (SELECT newest FROM counters WHERE name = 'event'),
-            (EXTRACT(EPOCH FROM CLOCK_TIMESTAMP()) * 1000000)::BIGINT",
-    )
-    .fetch_one(connection)
-    .await?;
-    Ok((Newest { decision, event }, now_us))
+    let answer: (i64, i64, i64) = sqlx::query_as(question!("")).fetch_one(connection).await?;
+    Ok(answered(answer))
+}
+
+/// Rings, and asks on the same way.
+async fn ring(connection: &mut PgConnection) -> Result<(Newest, i64)> {
+    let answer: (i64, i64, i64) =
+        sqlx::query_as(question!(", pg_notify($1, '')::TEXT")).bind(CHANNEL).fetch_one(connection).await?;
+    Ok(answered(answer))
+}
+
+const fn answered((decision, event, now_us): (i64, i64, i64)) -> (Newest, i64) {
+    (Newest { decision, event }, now_us)
 }
 
 /// The clock of the database, and the newest numbers of its logs.
@@ -199,26 +215,20 @@ impl Follower {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Rings, or looks at the logs. On an error the connection is given up.
+    /// Rings where it is to, and looks at the logs. On an error the connection is given up.
     async fn work(&mut self, rings: bool, size_due: &mut Instant) -> Result<()> {
         let shared = self.shared.clone();
         let mut connection = match self.connection.take() {
             Some(connection) => connection,
             None => connected(&shared.options, shared.away, &shared.silence).await?,
         };
-        if rings {
-            let rung =
-                async { Ok(sqlx::query("SELECT pg_notify($1, '')").bind(CHANNEL).execute(&mut connection).await?) };
-            shared.silence.answered(TRIVIAL, rung).await?;
-        }
-        // Also while bells ring without a pause.
-        if !rings || self.seen().elapsed() >= PERIOD {
-            let begun = Instant::now();
-            let (newest, now_us) = shared.silence.answered(TRIVIAL, ask(&mut connection)).await?;
-            shared.clock.set(begun, now_us);
-            shared.announcer.announce(newest);
-            *self.seen() = begun;
-        }
+        let begun = Instant::now();
+        // Who writes without a pause rings without a pause, and is to see what others write as soon as who writes nothing.
+        let answer = async { if rings { ring(&mut connection).await } else { ask(&mut connection).await } };
+        let (newest, now_us) = shared.silence.answered(TRIVIAL, answer).await?;
+        shared.clock.set(begun, now_us);
+        shared.announcer.announce(newest);
+        *self.seen() = begun;
         if *size_due <= Instant::now() {
             *size_due = Instant::now() + SIZE_PERIOD;
             let sized = async {
