@@ -23,6 +23,8 @@ const CHANNEL: &str = "feedwave";
 
 /// How often the logs are looked at without a bell, which also says what the time is.
 const PERIOD: Duration = Duration::from_millis(100);
+/// Time from one look to the next at least, however often the bell rings: what comes meanwhile is seen by the next one.
+const PAUSE: Duration = Duration::from_millis(3);
 /// How often the size of the database is looked at.
 const SIZE_PERIOD: Duration = Duration::from_secs(60);
 /// Time until a lost connection is tried again.
@@ -38,11 +40,11 @@ pub(super) struct Bell {
     tasks: Mutex<Option<Tasks>>,
 }
 
-/// Those that listen and follow.
+/// Those that listen, look at the size, and follow.
 struct Tasks {
-    running: [JoinHandle<()>; 2],
+    running: [JoinHandle<()>; 3],
     /// What ends them as it is dropped.
-    stops: [oneshot::Sender<()>; 2],
+    stops: [oneshot::Sender<()>; 3],
 }
 
 /// What is asked: the newest numbers of the logs and the time, microseconds since the Unix epoch.
@@ -88,14 +90,16 @@ impl Bell {
         let database_bytes = Arc::new(AtomicU64::new(0));
         let heard = Arc::new(Notify::new());
         let (stop_listening, listening_ends) = oneshot::channel();
+        let (stop_sizing, sizing_ends) = oneshot::channel();
         let (stop_following, following_ends) = oneshot::channel();
         let seen = Arc::new(Mutex::new(Instant::now()));
         // One connection listens for good, the other one reads and rings.
         let listening = tokio::spawn(listen(shared.clone(), heard.clone(), listening_ends));
-        let follower =
-            Follower { connection: None, shared, heard, seen: seen.clone(), database_bytes: database_bytes.clone() };
+        let sizing = tokio::spawn(size(shared.clone(), database_bytes.clone(), sizing_ends));
+        let follower = Follower { connection: None, shared, heard, seen: seen.clone() };
         let following = tokio::spawn(follower.run(following_ends));
-        let tasks = Tasks { running: [listening, following], stops: [stop_listening, stop_following] };
+        let tasks =
+            Tasks { running: [listening, sizing, following], stops: [stop_listening, stop_sizing, stop_following] };
         Self { seen, database_bytes, tasks: Mutex::new(Some(tasks)) }
     }
 
@@ -167,18 +171,44 @@ async fn hear(shared: &Shared, heard: &Notify) -> Result<()> {
     }
 }
 
+/// Looks at the size of the database now and then until the other end of `ended` is gone: on a connection of its own, because
+/// a large database takes its time, which says nothing of the connections.
+async fn size(shared: Arc<Shared>, database_bytes: Arc<AtomicU64>, mut ended: oneshot::Receiver<()>) {
+    loop {
+        let sized = async {
+            let mut connection = connected(&shared.options, shared.away, &shared.silence).await?;
+            let asked = async {
+                let size = sqlx::query_scalar::<_, i64>("SELECT pg_database_size(CURRENT_DATABASE())");
+                Ok(size.fetch_one(&mut connection).await?)
+            };
+            let bytes = Silence::new().answered(TRIVIAL, asked).await?;
+            close(connection).await;
+            Ok::<_, StoreError>(bytes)
+        };
+        tokio::select! {
+            _ = &mut ended => return,
+            sized = sized => match sized {
+                Ok(bytes) => database_bytes.store(bytes.unsigned_abs(), Ordering::Relaxed),
+                Err(error) => tracing::debug!(%error, "the size of the database is not known"),
+            },
+        }
+        tokio::select! {
+            _ = &mut ended => return,
+            () = tokio::time::sleep(SIZE_PERIOD) => {}
+        }
+    }
+}
+
 struct Follower {
     /// `None` at first and after something was not answered.
     connection: Option<PgConnection>,
     shared: Arc<Shared>,
     heard: Arc<Notify>,
     seen: Arc<Mutex<Instant>>,
-    database_bytes: Arc<AtomicU64>,
 }
 
 impl Follower {
     async fn run(mut self, mut ended: oneshot::Receiver<()>) {
-        let mut size_due = Instant::now();
         let mut fails = false;
         loop {
             let rings = tokio::select! {
@@ -190,11 +220,22 @@ impl Follower {
             };
             let result: Result<()> = tokio::select! {
                 _ = &mut ended => break,
-                result = self.work(rings, &mut size_due) => result,
+                result = self.work(rings) => result,
             };
             match result {
-                Ok(()) => fails = false,
+                Ok(()) => {
+                    fails = false;
+                    let next = *self.seen() + PAUSE;
+                    tokio::select! {
+                        _ = &mut ended => break,
+                        () = tokio::time::sleep_until(next.into()) => {}
+                    }
+                }
                 Err(error) => {
+                    if rings {
+                        // It did not.
+                        self.shared.ring.notify_one();
+                    }
                     if !std::mem::replace(&mut fails, true) {
                         tracing::warn!(%error, "the logs of the store cannot be followed");
                     }
@@ -203,7 +244,7 @@ impl Follower {
             }
         }
         // What this replica wrote last is not left to the others' patience.
-        if let Err(error) = self.work(true, &mut size_due).await {
+        if let Err(error) = self.work(true).await {
             tracing::debug!(%error, "the last bell did not ring");
         }
         if let Some(connection) = self.connection {
@@ -216,7 +257,7 @@ impl Follower {
     }
 
     /// Rings where it is to, and looks at the logs. On an error the connection is given up.
-    async fn work(&mut self, rings: bool, size_due: &mut Instant) -> Result<()> {
+    async fn work(&mut self, rings: bool) -> Result<()> {
         let shared = self.shared.clone();
         let mut connection = match self.connection.take() {
             Some(connection) => connection,
@@ -229,21 +270,6 @@ impl Follower {
         shared.clock.set(begun, now_us);
         shared.announcer.announce(newest);
         *self.seen() = begun;
-        if *size_due <= Instant::now() {
-            *size_due = Instant::now() + SIZE_PERIOD;
-            let sized = async {
-                let size = sqlx::query_scalar::<_, i64>("SELECT pg_database_size(CURRENT_DATABASE())");
-                Ok(size.fetch_one(&mut connection).await?)
-            };
-            // A large database takes its time, which says nothing of the connections.
-            match Silence::new().answered(TRIVIAL, sized).await {
-                Ok(bytes) => self.database_bytes.store(bytes.unsigned_abs(), Ordering::Relaxed),
-                Err(error) => {
-                    tracing::debug!(%error, "the size of the database is not known");
-                    return Ok(());
-                }
-            }
-        }
         self.connection = Some(connection);
         Ok(())
     }
