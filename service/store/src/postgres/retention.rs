@@ -81,6 +81,43 @@ impl PostgresStore {
         Ok(removed)
     }
 
+    /// Removes the oldest job that may go, with the programs that no other one uses: whatever their age, theirs has come.
+    async fn remove_oldest_job(&self, removed: &mut Removed) -> Result<bool> {
+        let sql = format!("SELECT j.id {JOBS} ORDER BY j.sequence LIMIT 1");
+        let row = sqlx::query(AssertSqlSafe(sql)).bind(i64::MAX).fetch_optional(&mut self.reader().await?).await?;
+        let Some(row) = row else { return Ok(false) };
+        let id: Uuid = parsed(&row, "id")?;
+        let used = "SELECT program_id AS id FROM jobs WHERE id = $1
+            UNION SELECT program_id FROM job_programs WHERE job_id = $1";
+        let used = sqlx::query(used).bind(id.to_string()).fetch_all(&mut self.reader().await?).await?;
+        match crate::Jobs::delete_job(self, id, None).await {
+            Ok(()) => removed.jobs += 1,
+            Err(StoreError::NotFound { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        for row in &used {
+            let ProgramKey(program) = parsed(row, "id")?;
+            match self.delete_program(program).await {
+                Ok(()) => removed.programs += 1,
+                Err(StoreError::NotFound { .. } | StoreError::InUse { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Bytes of programs whose jobs may be yet to come, and of unfinished ones. No job goes to make room for them.
+    async fn bytes_of_new_programs(&self) -> Result<u64> {
+        let sql = "SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0)::BIGINT FROM program_chunks WHERE content_id IN (
+            SELECT p.content_id FROM programs AS p WHERE p.created_us >= $1
+                AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
+                AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id)
+            UNION ALL SELECT content_id FROM uploads)";
+        let since = self.cutoff(Some(UNUSED)).unwrap_or(i64::MIN);
+        let bytes: i64 = sqlx::query_scalar(sql).bind(since).fetch_one(&mut self.reader().await?).await?;
+        Ok(bytes.unsigned_abs())
+    }
+
     async fn remove_programs(&self, cutoff: i64) -> Result<u64> {
         let mut removed = 0;
         loop {
@@ -102,11 +139,23 @@ impl PostgresStore {
         }
     }
 
-    /// Bytes of what is kept, but for the logs that have bounds of their own: the server's files shrink later, if at all.
+    /// Removes the oldest jobs that have ended, and the programs that no job uses then, until what is kept of them has no
+    /// more than so many bytes.
+    async fn remove_beyond(&self, bytes: u64, removed: &mut Removed) -> Result<()> {
+        if self.bytes_in_use().await? <= bytes {
+            return Ok(());
+        }
+        removed.programs += self.remove_programs(self.cutoff(Some(UNUSED)).unwrap_or(i64::MAX)).await?;
+        let most = bytes.saturating_add(self.bytes_of_new_programs().await?);
+        while self.bytes_in_use().await? > most && self.remove_oldest_job(removed).await? {}
+        Ok(())
+    }
+
+    /// Bytes of what is kept, but for the logs that have bounds of their own and the few behind the last chunk of an
+    /// unfinished upload: the server's files shrink later, if at all.
     async fn bytes_in_use(&self) -> Result<u64> {
         let bytes: i64 = sqlx::query_scalar(
             "SELECT ((SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0) FROM program_chunks)
-                + (SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0) FROM upload_tails)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(settings) + OCTET_LENGTH(machine_snapshot)), 0) FROM jobs)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(report)), 0) FROM validation_reports)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM job_checkpoints)
@@ -163,15 +212,7 @@ impl Retention for PostgresStore {
             }
         }
         if let Some(bytes) = policy.bytes {
-            while self.bytes_in_use().await? > bytes {
-                let jobs = self.remove_jobs(i64::MAX, 1).await?;
-                let programs = self.remove_programs(self.cutoff(Some(UNUSED)).unwrap_or(i64::MAX)).await?;
-                removed.jobs += jobs;
-                removed.programs += programs;
-                if jobs + programs == 0 {
-                    break;
-                }
-            }
+            self.remove_beyond(bytes, &mut removed).await?;
         }
         Ok(removed)
     }

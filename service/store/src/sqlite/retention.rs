@@ -111,11 +111,14 @@ impl SqliteStore {
         Ok(true)
     }
 
-    /// Bytes of programs whose jobs may be yet to come. No job goes to make room for them.
+    /// Bytes of programs whose jobs may be yet to come, and of unfinished ones. No job goes to make room for them.
     async fn bytes_of_new_programs(&self) -> Result<u64> {
-        let sql = "SELECT COALESCE(SUM(LENGTH(chunk.data)), 0) FROM program_chunks AS chunk WHERE chunk.content_id IN (
-            SELECT p.content_id FROM programs AS p WHERE p.created_us >= ? AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
-                AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id))";
+        let sql = "SELECT (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM upload_tails)
+            + (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM program_chunks WHERE content_id IN (
+                SELECT p.content_id FROM programs AS p WHERE p.created_us >= ?
+                    AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
+                    AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id)
+                UNION ALL SELECT content_id FROM uploads))";
         let since = cutoff(Some(UNUSED)).unwrap_or(i64::MIN);
         let bytes: i64 = sqlx::query_scalar(sql).bind(since).fetch_one(&mut *self.reader().await?).await?;
         Ok(bytes.unsigned_abs())

@@ -7,6 +7,7 @@ mod checkpoints;
 mod documents;
 mod jobs;
 mod programs;
+mod retention;
 mod runs;
 mod tenants;
 mod uploads;

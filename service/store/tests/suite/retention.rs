@@ -1,0 +1,66 @@
+//! What goes beyond the size that is kept.
+
+use bytes::Bytes;
+use feedwave_store::{
+    CHUNK_BYTES, JobState, NewJob, ProgramId, Removed, RetentionPolicy, Store, StoreError, Tenant, UploadStart,
+};
+
+use super::{Place, new_job, open};
+
+/// Bytes that do not compress.
+fn noise(mut state: u64, bytes: u64) -> Bytes {
+    let next = |_| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (state >> 56) as u8
+    };
+    (0..bytes).map(next).collect()
+}
+
+async fn ready(store: &Store, job: NewJob) -> feedwave_store::JobId {
+    let job = store.create_job(job).await.unwrap().id;
+    store.transition(job, &JobState::ALL, JobState::Ready, "", None).await.unwrap();
+    job
+}
+
+#[tokio::test]
+async fn beyond_the_size_only_the_oldest_jobs_go_with_programs_that_no_other_uses() {
+    let place = Place::new();
+    let store = open(&place).await;
+    let mut programs = Vec::new();
+    for index in 0..8 {
+        programs.push(store.put_program(Tenant::DEFAULT, noise(index + 1, CHUNK_BYTES)).await.unwrap().id);
+    }
+    let mut jobs = Vec::new();
+    for (index, program) in programs.iter().enumerate() {
+        let mut job = new_job(&index.to_string(), *program);
+        // The second one takes along what the last one is about.
+        job.further_program_ids = if index == 1 { vec![programs[7]] } else { Vec::new() };
+        jobs.push(ready(&store, job).await);
+    }
+    // The first one waits still, and is nobody's to remove.
+    store.transition(jobs[0], &JobState::ALL, JobState::PendingValidation, "", None).await.unwrap();
+    // Programs whose jobs may be yet to come take nobody's place, however many there are, nor do unfinished ones.
+    let waiting = store.put_program(Tenant::DEFAULT, noise(100, 6 * CHUNK_BYTES)).await.unwrap().id;
+    let unfinished = noise(101, 6 * CHUNK_BYTES + CHUNK_BYTES / 2);
+    let expected = ProgramId::of(&[&unfinished[..], b"M30\n"].concat());
+    let begun = store.begin_upload(expected, unfinished.len() as u64 + 4, "").await.unwrap();
+    let UploadStart::Unfinished(upload) = begun else { panic!("it is not there") };
+    store.append_upload(upload.id, 0, unfinished.clone()).await.unwrap();
+
+    let enough = RetentionPolicy { bytes: Some(10 << 20), ..RetentionPolicy::default() };
+    assert_eq!(store.remove_expired(&enough).await.unwrap(), Removed::default());
+    let policy = RetentionPolicy { bytes: Some(4 << 20), ..RetentionPolicy::default() };
+    assert_eq!(store.expired(&policy).await.unwrap(), Removed::default(), "the size is not foreseen");
+    let removed = store.remove_expired(&policy).await.unwrap();
+    assert!(removed.jobs == removed.programs && (3..=5).contains(&removed.jobs), "{removed:?}");
+    let kept = store.jobs_in_state(&JobState::ALL, 10).await.unwrap();
+    let gone = usize::try_from(removed.jobs).unwrap();
+    assert_eq!(kept, [&jobs[..1], &jobs[gone + 1..]].concat());
+    for (index, program) in programs.iter().enumerate() {
+        let is_gone = matches!(store.program_info(*program).await, Err(StoreError::NotFound { .. }));
+        assert_eq!(is_gone, (1..=gone).contains(&index), "{index} of {removed:?}");
+    }
+    store.program_info(waiting).await.unwrap();
+    assert_eq!(store.upload(upload.id).await.unwrap().received_bytes, unfinished.len() as u64);
+    assert_eq!(store.remove_expired(&policy).await.unwrap(), Removed::default(), "what is enough once is enough again");
+}
