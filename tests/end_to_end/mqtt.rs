@@ -3,6 +3,7 @@
 //!
 //! `tests/mqtt/run.sh` gets the broker and runs them.
 
+use std::fs::File;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -70,12 +71,14 @@ impl Broker {
             // The listener comes first, since some of the lines are about it.
             let config = format!("listener {} 127.0.0.1\n{user}{}", self.port, self.config);
             std::fs::write(&file, config).expect("the configuration is written");
+            // In the script's folder, which outlives the test.
+            let log = File::options().create(true).append(true).open(program(&format!("{}.log", self.port)));
             let mut process = Command::new(program("mosquitto"))
                 .arg("-c")
                 .arg(&file)
                 .stdin(Stdio::null())
                 .stdout(Stdio::null())
-                .stderr(Stdio::null())
+                .stderr(log.expect("a log"))
                 .kill_on_drop(true)
                 .spawn()
                 .expect("the broker is started");

@@ -23,10 +23,10 @@ use crate::shop_floor::{Ingest, Live, Watch, monitored};
 use crate::validation_queue::{begins, create_endless};
 
 async fn replicas<const N: usize>() -> [Server; N] {
-    let uri = shared_store();
+    let store = shared_store();
     let mut servers = Vec::new();
     for _ in 0..N {
-        servers.push(Home::on(FEEDWAVE, &uri, "").start().await);
+        servers.push(Home::on(FEEDWAVE, &store, "").start().await);
     }
     servers.try_into().unwrap_or_else(|_| unreachable!("as many as were started"))
 }
@@ -102,11 +102,11 @@ async fn jobs_of_any_replica_are_validated_once_and_seen_everywhere() {
 #[tokio::test]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn what_a_killed_replica_was_at_another_one_takes_up() {
-    let uri = shared_store();
-    let first = Home::on(FEEDWAVE, &uri, "").start().await;
+    let store = shared_store();
+    let first = Home::on(FEEDWAVE, &store, "").start().await;
     let job = create_endless(&mut first.connect().await).await.name;
     begins(&mut first.connect().await, &job, 1).await;
-    let second = Home::on(FEEDWAVE, &uri, "").start().await;
+    let second = Home::on(FEEDWAVE, &store, "").start().await;
     drop(first.kill().await);
     // Once the first one has not been heard of for long enough.
     let mut clients = second.connect().await;
@@ -119,11 +119,11 @@ async fn what_a_killed_replica_was_at_another_one_takes_up() {
 #[tokio::test]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn a_job_that_is_cancelled_elsewhere_is_worked_on_no_longer() {
-    let uri = shared_store();
-    let first = Home::on(FEEDWAVE, &uri, "").start().await;
+    let store = shared_store();
+    let first = Home::on(FEEDWAVE, &store, "").start().await;
     let name = create_endless(&mut first.connect().await).await.name;
     begins(&mut first.connect().await, &name, 1).await;
-    let second = Home::on(FEEDWAVE, &uri, "").start().await;
+    let second = Home::on(FEEDWAVE, &store, "").start().await;
     second.connect().await.jobs.cancel_job(CancelJobRequest { name }).await.expect("the job is cancelled");
     let idle =
         async { while !first.web().get("/metrics").await.text().contains("\nfeedwave_active_validations 0\n") {} };
@@ -292,10 +292,10 @@ async fn connect_from(server: &Server, last: u8) -> Clients {
 async fn clients_have_equal_shares_of_all_replicas_however_many_jobs_they_have() {
     /// Setpoints after which shares are held against each other.
     const ENOUGH: u64 = 1_000_000;
-    let uri = shared_store();
+    let store = shared_store();
     let one_worker = "[limits]\nvalidation_workers = 1\nbegun_validations = 32\nvalidation_turn_ms = 5\n";
-    let first = Home::on(FEEDWAVE, &uri, one_worker).start().await;
-    let second = Home::on(FEEDWAVE, &uri, one_worker).start().await;
+    let first = Home::on(FEEDWAVE, &store, one_worker).start().await;
+    let second = Home::on(FEEDWAVE, &store, one_worker).start().await;
     let mut jobs: [Vec<String>; 2] = Default::default();
     // Nine jobs of one client, then three of another.
     for (client, count) in [(0, 9), (1, 3)] {

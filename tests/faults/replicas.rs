@@ -18,8 +18,8 @@ use feedwave_contract::proto::{
     WatchJobsRequest,
 };
 use feedwave_tests::{
-    Chance, Clients, Gate, Home, LIVE_PART, Left, RunLedger, Server, live_config, long_dwell, patiently, shared_store,
-    stream,
+    Chance, Clients, Database, Gate, Home, LIVE_PART, Left, RunLedger, Server, live_config, long_dwell, patiently,
+    shared_store, stream,
 };
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -43,13 +43,14 @@ struct Replica {
 }
 
 impl Replica {
-    async fn start(uri: &str, environment: Vec<(String, String)>) -> Self {
-        let (before, rest) = uri.split_once("127.0.0.1:").expect("a server of this machine");
+    async fn start(store: &Database, environment: Vec<(String, String)>) -> Self {
+        let (before, rest) = store.uri.split_once("127.0.0.1:").expect("a server of this machine");
         let (port, rest) = rest.split_once('/').expect("a database");
         let database = SocketAddr::from(([127, 0, 0, 1], port.parse().expect("a port")));
         let wire = Gate::new(vec![database]).await;
-        let uri = format!("{before}{}/{rest}&connect_timeout_s=2&statement_timeout_s=2", wire.address);
-        let mut home = Home::on(FEEDWAVE, &uri, "");
+        let mut through_wire = store.clone();
+        through_wire.uri = format!("{before}{}/{rest}&connect_timeout_s=2&statement_timeout_s=2", wire.address);
+        let mut home = Home::on(FEEDWAVE, &through_wire, "");
         home.set_environment(environment);
         Self { server: Some(home.start().await), wire }
     }
@@ -331,14 +332,14 @@ async fn all_jobs(clients: &mut Clients) -> HashMap<String, JobState> {
 async fn nothing_is_lost_done_twice_or_reordered_when_replicas_and_the_database_fail() {
     let mut chance = Chance::new();
     let seed = chance.seed();
-    let uri = shared_store();
+    let store = shared_store();
     let clock = Faults::new();
     // Half an hour wrong from the start, and never twice the same.
     clock.clock_ahead(-1_800);
     let mut replicas = vec![
-        Replica::start(&uri, clock.environment.clone()).await,
-        Replica::start(&uri, Vec::new()).await,
-        Replica::start(&uri, Vec::new()).await,
+        Replica::start(&store, clock.environment.clone()).await,
+        Replica::start(&store, Vec::new()).await,
+        Replica::start(&store, Vec::new()).await,
     ];
     let balancer = Gate::new(replicas.iter().map(Replica::address).collect()).await;
     let (over, is_over) = watch::channel(false);
@@ -399,9 +400,9 @@ async fn nothing_is_lost_done_twice_or_reordered_when_replicas_and_the_database_
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn a_replica_that_is_cut_off_while_it_owns_a_run_writes_nothing_to_it_any_more() {
-    let uri = shared_store();
-    let first = Replica::start(&uri, Vec::new()).await;
-    let second = Replica::start(&uri, Vec::new()).await;
+    let store = shared_store();
+    let first = Replica::start(&store, Vec::new()).await;
+    let second = Replica::start(&store, Vec::new()).await;
     let at = async |replica: &Replica| replica.server.as_ref().expect("a server").connect().await;
     let job = at(&first).await.submit(LIVE_PART).await.job.name;
     let request = SetMonitoringRequest { job: job.clone(), config: Some(live_config()) };

@@ -35,7 +35,21 @@ done
 
 # One folder for programs of two, with the libraries that come with them.
 folder=$(mktemp -d "${TMPDIR:-/tmp}/feedwave-mqtt.XXXXXX")
-trap 'rm -rf "$folder"' EXIT
+# What tells a failure of the machine from one of the code: a full disk is not seen in a test.
+report() {
+    {
+        echo "the last lines of each broker's log:"
+        tail -n 20 "$folder"/*.log 2>/dev/null
+        df -h "$folder"
+    } >&2
+}
+begun=
+finish() {
+    local status=$?
+    [[ $status -eq 0 || -z $begun ]] || report || true
+    rm -rf "$folder"
+}
+trap finish EXIT
 trap 'exit 1' INT TERM HUP
 libraries=${base:+$(debian_libraries "$base")}
 for program in "${programs[@]}"; do
@@ -46,6 +60,7 @@ for program in "${programs[@]}"; do
 done
 
 export FEEDWAVE_TEST_MOSQUITTO=$folder
+begun=yes
 "$folder/mosquitto" -h | head -n 1 || true
 if [[ $# -gt 0 ]]; then
     "$@"

@@ -42,7 +42,18 @@ if [[ $(id -u) -eq 0 ]]; then
     as=(setpriv --reuid "$user" --regid "$(id -g "$user")" --clear-groups)
     chown "$user" "$folder"
 fi
+# What tells a failure of the machine from one of the code: a full disk is not seen in a test.
+report() {
+    {
+        echo "the last lines of the server's log:"
+        tail -n 20 "$folder/server.log"
+        df -h "$folder"
+    } >&2
+}
+begun=
 finish() {
+    local status=$?
+    [[ $status -eq 0 || -z $begun ]] || report || true
     end INT || true
     rm -rf "$folder"
 }
@@ -105,10 +116,19 @@ done
     declare -f runs start end
     echo 'end QUIT && start "$port"'
 } >"$folder/restart"
-chmod +x "$folder/restart"
+
+# Drops the database of a name, whoever uses it.
+{
+    echo '#!/usr/bin/env bash'
+    declare -p bin libraries folder port
+    echo 'exec env LD_LIBRARY_PATH="$libraries" "$bin/dropdb" --if-exists --force -h "$folder" -p "$port" -U feedwave "$1"'
+} >"$folder/drop"
+chmod +x "$folder/restart" "$folder/drop"
 
 export FEEDWAVE_TEST_STORE="postgres://feedwave@127.0.0.1:$port/{}?connections=6"
 export FEEDWAVE_TEST_POSTGRES_RESTART=$folder/restart
+export FEEDWAVE_TEST_POSTGRES_DROP=$folder/drop
+begun=yes
 echo "PostgreSQL $(run "$bin/postgres" --version | awk '{ print $3 }') on port $port, process $(cat "$folder/pid")"
 if [[ $# -gt 0 ]]; then
     "$@"

@@ -3,6 +3,7 @@
 
 mod chance;
 mod client;
+mod database;
 mod freeform;
 mod gate;
 mod live;
@@ -17,6 +18,7 @@ mod web;
 
 pub use chance::Chance;
 pub use client::{Clients, Outcome, sha256_hex, upload, upload_messages};
+pub use database::Database;
 pub use freeform::{Directions, Freeform};
 pub use gate::Gate;
 pub use live::LiveClient;

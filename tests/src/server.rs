@@ -12,13 +12,15 @@ use tempfile::TempDir;
 use tokio::process::{Child, Command};
 use tokio::time::timeout;
 
-use crate::{Clients, PATIENCE, Web};
+use crate::{Clients, Database, PATIENCE, Web};
 
 /// A directory with a database and a configuration, which outlives the servers that run on it.
 pub struct Home {
     binary: PathBuf,
     directory: TempDir,
     environment: Vec<(String, String)>,
+    /// A server's, where it has one.
+    _database: Option<Database>,
 }
 
 impl Home {
@@ -31,29 +33,32 @@ impl Home {
     #[must_use]
     pub fn new(binary: impl Into<PathBuf>, more: &str) -> Self {
         let directory = tempfile::tempdir().expect("a temporary directory");
-        let uri = match std::env::var("FEEDWAVE_TEST_STORE") {
-            Ok(pattern) => pattern.replace("{}", &unique(&directory)),
-            Err(_) => format!("sqlite://{}/feedwave.db", directory.path().display()),
-        };
-        Self::with(binary.into(), directory, &uri, more)
+        match std::env::var("FEEDWAVE_TEST_STORE") {
+            Ok(pattern) => Self::on(binary, &Database::new(&pattern, &unique(&directory)), more),
+            Err(_) => {
+                let uri = format!("sqlite://{}/feedwave.db", directory.path().display());
+                Self::with(binary.into(), directory, &uri, None, more)
+            }
+        }
     }
 
-    /// As [`Home::new`], for servers that share the database at this URI.
+    /// As [`Home::new`], for servers that share this database.
     ///
     /// # Panics
     /// When no temporary file can be made.
     #[must_use]
-    pub fn on(binary: impl Into<PathBuf>, uri: &str, more: &str) -> Self {
-        Self::with(binary.into(), tempfile::tempdir().expect("a temporary directory"), uri, more)
+    pub fn on(binary: impl Into<PathBuf>, database: &Database, more: &str) -> Self {
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        Self::with(binary.into(), directory, &database.uri, Some(database.clone()), more)
     }
 
-    fn with(binary: PathBuf, directory: TempDir, uri: &str, more: &str) -> Self {
+    fn with(binary: PathBuf, directory: TempDir, uri: &str, database: Option<Database>, more: &str) -> Self {
         let mut config = String::from("[grpc]\nlisten = '127.0.0.1:0'\n[http]\nlisten = '127.0.0.1:0'\n");
         // A name of its own: what starts here again is the replica that was here before.
         writeln!(config, "[store]\nuri = '{uri}'\nreplica_name = '{}'\n{more}", unique(&directory))
             .expect("text grows");
         std::fs::write(directory.path().join("feedwave.toml"), config).expect("the configuration is written");
-        Self { binary, directory, environment: Vec::new() }
+        Self { binary, directory, environment: Vec::new(), _database: database }
     }
 
     /// Sets what the service finds in its environment besides what the test finds in its own.
@@ -107,15 +112,15 @@ impl Home {
     }
 }
 
-/// The URI of an empty database of a server, for replicas that share it.
+/// An empty database of a server, for replicas that share it.
 ///
 /// # Panics
 /// Where `FEEDWAVE_TEST_STORE` names no server.
 #[must_use]
-pub fn shared_store() -> String {
+pub fn shared_store() -> Database {
     let pattern = std::env::var("FEEDWAVE_TEST_STORE").expect("FEEDWAVE_TEST_STORE: tests/postgres/run.sh sets it");
     assert!(pattern.starts_with("postgres://"), "{pattern}");
-    pattern.replace("{}", &unique(&tempfile::tempdir().expect("a temporary directory")))
+    Database::new(&pattern, &unique(&tempfile::tempdir().expect("a temporary directory")))
 }
 
 /// A name that no other directory has.

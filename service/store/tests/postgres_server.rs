@@ -1,6 +1,8 @@
 //! Replicas that share a database of a PostgreSQL server. The tests need a server: `tests/postgres/run.sh` starts one and
 //! says in `FEEDWAVE_TEST_STORE` where it is.
 
+#[path = "../../../tests/src/database.rs"]
+mod database;
 mod proxy;
 
 use std::collections::HashSet;
@@ -20,6 +22,7 @@ use tokio::time::timeout;
 use url::Url;
 use uuid::Uuid;
 
+use database::Database;
 use proxy::Proxy;
 
 /// Far more than it takes to find that a connection is silent, and far less than a statement may take.
@@ -28,13 +31,15 @@ const SOON: Duration = Duration::from_secs(25);
 /// A database of its own on the server.
 struct Place {
     uri: String,
+    _database: Database,
 }
 
 impl Place {
     fn new() -> Self {
         let pattern = std::env::var("FEEDWAVE_TEST_STORE").expect("FEEDWAVE_TEST_STORE: tests/postgres/run.sh sets it");
         assert!(pattern.starts_with("postgres://"), "{pattern}");
-        Self { uri: pattern.replace("{}", &format!("test-{}", Uuid::now_v7())) }
+        let database = Database::new(&pattern, &format!("test-{}", Uuid::now_v7()));
+        Self { uri: database.uri.clone(), _database: database }
     }
 
     fn store_uri(&self) -> StoreUri {

@@ -4,6 +4,8 @@
 
 mod audit;
 mod checkpoints;
+#[path = "../../../../tests/src/database.rs"]
+mod database;
 mod documents;
 mod jobs;
 mod programs;
@@ -17,9 +19,12 @@ use feedwave_store::{Fingerprint, Json, NewJob, ProgramId, RawValue, Store, Stor
 use tempfile::TempDir;
 use uuid::Uuid;
 
+use database::Database;
+
 /// A place that keeps what is stored between two openings; empty at first.
 pub(crate) struct Place {
     uri: StoreUri,
+    _database: Database,
     _folder: TempDir,
 }
 
@@ -31,8 +36,9 @@ impl Place {
             format!("sqlite://{}/{{}}.db?busy_timeout_s=600", folder.path().display())
         });
         assert!(pattern.contains("{}"), "FEEDWAVE_TEST_STORE has no {{}}");
-        let uri = pattern.replace("{}", &format!("test-{}", Uuid::now_v7()));
-        Self { uri: uri.parse().expect("FEEDWAVE_TEST_STORE is the URI of a store"), _folder: folder }
+        let database = Database::new(&pattern, &format!("test-{}", Uuid::now_v7()));
+        let uri = database.uri.parse().expect("FEEDWAVE_TEST_STORE is the URI of a store");
+        Self { uri, _database: database, _folder: folder }
     }
 
     /// Opens the store at this place.

@@ -16,7 +16,7 @@ fn noise(mut state: u64, bytes: u64) -> Bytes {
     (0..bytes).map(next).collect()
 }
 
-async fn ready(store: &Store, job: NewJob) -> feedwave_store::JobId {
+async fn ready(store: &Store, job: NewJob) -> uuid::Uuid {
     let job = store.create_job(job).await.unwrap().id;
     store.transition(job, &JobState::ALL, JobState::Ready, "", None).await.unwrap();
     job
