@@ -99,6 +99,29 @@ async fn a_disk_that_fails_to_synchronise() {
 }
 
 #[tokio::test]
+async fn a_log_that_cannot_be_moved_into_the_database() {
+    let faults = Faults::new();
+    let server = start(&faults).await;
+    let clients = &mut server.connect().await;
+    let mut kept = vec![clients.submit(PROGRAM).await.job.name];
+    faults.spare_log(true);
+    faults.writes_fail(ENOSPC);
+    // What the log has room for is kept as ever, but nobody thinks that all is well.
+    kept.push(clients.submit("G21\nG0 X11. Z1.\nM30\n").await.job.name);
+    readiness(&server, 503, "the disk is full").await;
+    health(clients, ServingStatus::NotServing).await;
+    kept.push(clients.submit("G21\nG0 X12. Z1.\nM30\n").await.job.name);
+    faults.writes_fail(0);
+    readiness(&server, 200, "ok").await;
+    health(clients, ServingStatus::Serving).await;
+    let server = server.kill().await.start().await;
+    let mut clients = server.connect().await;
+    for name in kept {
+        clients.jobs.get_job(GetJobRequest { name }).await.expect("what was acknowledged is kept");
+    }
+}
+
+#[tokio::test]
 async fn a_disk_that_does_not_answer() {
     let begin = async |_: &Server, faults: &Faults| faults.syncs_hang(true);
     survives("does not answer in time", begin, async |_, faults| faults.syncs_hang(false)).await;

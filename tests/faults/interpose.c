@@ -17,7 +17,7 @@ struct control {
     int32_t write_errno;
     int32_t sync_errno;
     int32_t sync_hangs;
-    int32_t unused;
+    int32_t spares_log;
     int64_t clock_offset_s;
 };
 
@@ -41,6 +41,8 @@ static int of_store(int file) {
     if (length < 0)
         return 0;
     path[length] = 0;
+    if (control->spares_log && strstr(path, "-wal"))
+        return 0;
     return strstr(path, "feedwave.db") != NULL;
 }
 

@@ -71,6 +71,11 @@ impl Faults {
         self.set(8, &i32::from(hang).to_ne_bytes());
     }
 
+    /// Whether writes and synchronisation of the write-ahead log do not fail.
+    pub fn spare_log(&self, spare: bool) {
+        self.set(12, &i32::from(spare).to_ne_bytes());
+    }
+
     /// By how much the clock is ahead, s.
     pub fn clock_ahead(&self, offset_s: i64) {
         self.set(16, &offset_s.to_ne_bytes());

@@ -8,14 +8,20 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use tokio::sync::{Notify, oneshot};
 
-use crate::error::Result;
+use super::probe::Probing;
+use crate::error::{Result, StoreError};
 
 /// Time from the first commit after a checkpoint to the next one: long enough that pages changed again and again are
 /// moved once.
 const PERIOD: Duration = Duration::from_secs(1);
 
 /// Follows commits until the writer, which holds the other end of `ended`, is no more.
-pub(super) async fn run(options: SqliteConnectOptions, commits: Arc<Notify>, mut ended: oneshot::Receiver<()>) {
+pub(super) async fn run(
+    options: SqliteConnectOptions,
+    commits: Arc<Notify>,
+    probing: Arc<Probing>,
+    mut ended: oneshot::Receiver<()>,
+) {
     let mut connection = None;
     loop {
         tokio::select! {
@@ -27,9 +33,17 @@ pub(super) async fn run(options: SqliteConnectOptions, commits: Arc<Notify>, mut
             () = tokio::time::sleep(PERIOD) => {}
         }
         match checkpoint(connection.take(), &options).await {
-            Ok(used) => connection = Some(used),
-            // The writer does it in the end, or fails with the same cause.
-            Err(error) => tracing::warn!(%error, "moving the log into the database failed"),
+            Ok(used) => {
+                connection = Some(used);
+                probing.log_moves(None);
+            }
+            // The writer does it in the end, or fails with the same cause; until then the log only grows.
+            Err(error) => {
+                tracing::warn!(%error, "moving the log into the database failed");
+                if let StoreError::Unavailable { reason, .. } = error {
+                    probing.log_moves(Some(reason));
+                }
+            }
         }
     }
     if let Some(connection) = connection

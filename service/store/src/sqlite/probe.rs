@@ -26,6 +26,8 @@ pub(super) struct Probing {
     blocked: watch::Sender<Blocked>,
     /// Counts writes that the database could not do.
     faults: watch::Sender<u64>,
+    /// Why the log could not be moved into the database when that was last tried.
+    stuck: Mutex<Blocked>,
     /// The file as it was opened: device and number.
     file: Option<(u64, u64)>,
     path: PathBuf,
@@ -52,6 +54,7 @@ impl Probing {
         Self {
             blocked: watch::channel(None).0,
             faults: watch::channel(0).0,
+            stuck: Mutex::default(),
             file: identity(path),
             path: path.to_owned(),
             pending: Mutex::default(),
@@ -75,6 +78,18 @@ impl Probing {
     /// Notes that the database could not do a write.
     pub(super) fn fault(&self) {
         self.faults.send_modify(|faults| *faults += 1);
+    }
+
+    /// Notes whether the log could be moved into the database, and why not.
+    pub(super) fn log_moves(&self, stuck: Blocked) {
+        let before = std::mem::replace(&mut *self.stuck(), stuck);
+        if before.is_none() && stuck.is_some() {
+            self.fault();
+        }
+    }
+
+    fn stuck(&self) -> MutexGuard<'_, Blocked> {
+        self.stuck.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn block(&self, reason: Blocked) {
@@ -113,7 +128,11 @@ impl SqliteStore {
         let mut pending = probing.pending();
         pending.failed = result.is_err();
         pending.faults = faults;
-        result
+        // Small writes may find room in a log that can no longer be emptied, for as long as that lasts.
+        match *probing.stuck() {
+            Some(reason) => result.and(Err(StoreError::unavailable(reason))),
+            None => result,
+        }
     }
 
     async fn write_probe(&self, ballast_bytes: i64) -> Result<()> {

@@ -118,7 +118,7 @@ impl Writer {
         let counters = Arc::new(Counters::default());
         let commits = Arc::new(Notify::new());
         let (alive, ended) = oneshot::channel();
-        let checkpointer = tokio::spawn(checkpointer::run(options.clone(), commits.clone(), ended));
+        let checkpointer = tokio::spawn(checkpointer::run(options.clone(), commits.clone(), probing.clone(), ended));
         let task = Task {
             transaction: Some(Transaction { connection, latest_us: 0, newest }),
             options,
