@@ -10,8 +10,9 @@ use feedwave_contract::proto::stream_setpoints_request::Start;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::window_length::Length;
 use feedwave_contract::proto::{
-    DecisionRules, FeedRule, GetJobRequest, Grouping, Job, JobState, ListJobsRequest, MonitoringConfig, RunCommandKind,
-    RunSettings, SensorQuantity, Sensors, SetMonitoringRequest, StreamSetpointsRequest, ToolCheck, WindowLength,
+    DecisionRules, DeleteJobRequest, FeedRule, GetJobRequest, Grouping, Job, JobState, ListJobsRequest,
+    MonitoringConfig, RunCommandKind, RunSettings, SensorQuantity, Sensors, SetMonitoringRequest,
+    StreamSetpointsRequest, ToolCheck, WindowLength,
 };
 use feedwave_tests::{Chance, Clients, Home, LiveClient, Server, long_dwell, patiently, stream};
 use rustix::process::Signal;
@@ -181,6 +182,36 @@ async fn a_job_whose_program_is_damaged_is_marked_and_others_are_not() {
     assert_eq!(job.state(), JobState::Failed);
     assert!(job.state_message.starts_with("stored data is damaged"), "{job:?}");
     assert!(read_all(&mut clients, from(&other, 0)).await.expect("a stream") > 0);
+}
+
+#[tokio::test]
+async fn a_damaged_job_is_marked_and_lists_are_whole() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let job = clients.submit("G21\nG0 X10. Z1.\nM30\n").await.job.name;
+    let home = damaged(server, "UPDATE jobs SET machine_snapshot = 'no JSON'").await;
+    assert_exit("check", home.path(), &[], 1, "column machine_snapshot holds no JSON").await;
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let read = clients.jobs.get_job(GetJobRequest { name: job.clone() }).await.unwrap_err();
+    assert_eq!(read.code(), Code::DataLoss, "{read:?}");
+    let listed = jobs(&mut clients).await.remove(0);
+    assert_eq!((&listed.name, listed.state()), (&job, JobState::Failed));
+    assert!(listed.state_message.starts_with("stored data is damaged"), "{listed:?}");
+
+    // One that cannot be shown whole hides no other one.
+    let other = clients.submit("G21\nG0 X11. Z1.\nM30\n").await.job.name;
+    let home = damaged(server, "UPDATE validation_reports SET summary = 'no JSON'").await;
+    assert_exit("check", home.path(), &[], 1, "column summary holds no JSON").await;
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let listed = jobs(&mut clients).await;
+    assert_eq!((listed.len(), &listed[0].name, &listed[0].summary), (2, &other, &None));
+    let status = read_all(&mut clients, from(&other, 0)).await.unwrap_err();
+    assert_eq!(status.code(), Code::DataLoss, "{status:?}");
+    for name in [job, other] {
+        clients.jobs.delete_job(DeleteJobRequest { name, ..DeleteJobRequest::default() }).await.expect("it is deleted");
+    }
 }
 
 #[tokio::test]

@@ -15,7 +15,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::{names, proto};
 use feedwave_cutting::PipelineConfig;
-use feedwave_store::{Fingerprint, Job as JobRecord, JobDetail, JobFilter, JobState, NewJob, ProgramId};
+use feedwave_store::{Fingerprint, Job as JobRecord, JobDetail, JobFilter, JobState, NewJob, ProgramId, StoreError};
 use futures_util::Stream;
 use prost::Message as _;
 use tonic::{Request, Response, Status, Streaming, async_trait};
@@ -66,7 +66,7 @@ fn job_to_proto(
         program: names::program(job.program_id),
         program_bytes: job.program_size_bytes,
         settings,
-        summary: job.summary.as_ref().map(|summary| stored::from_stored(summary.get())).transpose()?,
+        summary: job.summary.as_ref().and_then(|stored| summary(job.id, stored.get())),
         etag: job.etag(),
         create_time: Some(timestamp(job.created_us)),
         update_time: Some(timestamp(job.updated_us)),
@@ -77,6 +77,12 @@ fn job_to_proto(
         }),
         validation_attempts: job.attempts,
     })
+}
+
+/// The summary of a job's report. One that is damaged is left out, as in the store.
+fn summary(job: Uuid, stored: &str) -> Option<proto::ProgramSummary> {
+    let read = stored::from_stored(stored);
+    read.inspect_err(|error| tracing::error!(%job, %error, "the summary of a report is damaged")).ok()
 }
 
 /// The identifier of the job that a request names.
@@ -243,8 +249,17 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub async fn get_job(&self, request: GetJobRequest) -> Result<GetJobResponse> {
-        let detail = self.store.job_detail(job_id("name", &request.name)?).await?;
-        Ok(GetJobResponse { job: Some(self.detail_to_proto(&detail)?) })
+        let id = job_id("name", &request.name)?;
+        let detail = self.store.job_detail(id).await.map_err(Error::from);
+        let job = detail.and_then(|detail| self.detail_to_proto(&detail));
+        if let Err(error) = &job {
+            // Only who may see it learns of the damage.
+            if let Err(missing @ StoreError::NotFound { .. }) = self.store.job(id).await {
+                return Err(missing.into());
+            }
+            self.engine.mark_damaged(id, error).await;
+        }
+        Ok(GetJobResponse { job: Some(job?) })
     }
 
     /// Reads the report of a job.
@@ -312,7 +327,7 @@ impl Api {
         match transition {
             Ok(_) => tracing::info!(job = %id, "cancelled"),
             // Repeating the call is harmless.
-            Err(feedwave_store::StoreError::FailedState { actual: JobState::Cancelled, .. }) => {}
+            Err(StoreError::FailedState { actual: JobState::Cancelled, .. }) => {}
             Err(error) => return Err(error.into()),
         }
         self.engine.cancel_job(id);

@@ -4,7 +4,7 @@ use async_trait::async_trait;
 use sha2::{Digest as _, Sha256};
 
 use super::compress::{decompress, offload};
-use super::record::{Record, parsed, parsed_option, to_json, unsigned};
+use super::record::{Record, json_option, parsed, parsed_option, to_json, unsigned};
 use crate::error::{Result, StoreError};
 use crate::jobs::JobState;
 use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem};
@@ -217,6 +217,10 @@ impl<D: Verified> Check<D> {
     async fn reports(&mut self) -> Result<()> {
         for row in self.ids("report", "SELECT job_id FROM validation_reports").await? {
             let id = row.text("job_id")?.to_owned();
+            let summary = "SELECT summary FROM validation_reports WHERE job_id = $1";
+            let summary = self.row(summary, &[Parameter::Text(&id)]).await;
+            let summary = summary.and_then(|row| row.map_or(Ok(None), |row| json_option(&row, "summary")));
+            self.note("report", &id, summary.map(drop), REPORT)?;
             let sql = "SELECT report_bytes AS size_bytes, report AS packed FROM validation_reports WHERE job_id = $1";
             let result = self.packed(sql, &[Parameter::Text(&id)]).await;
             let result = result.and_then(|report| {

@@ -4,6 +4,7 @@ use uuid::Uuid;
 
 use super::compress::{compress, decompress, offload};
 use super::record::{Record, json, json_option, parsed, parsed_option, signed, tenant, to_json, unsigned};
+use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::jobs::{FindingCounts, Job, JobDetail, JobEvent, JobFilter, JobState, NewJob, NewReport, StoredReport};
 use crate::page::{Scope, tenant_scope};
@@ -34,11 +35,19 @@ pub(crate) fn job(row: &impl Record) -> Result<Job> {
         state: parsed(row, "state")?,
         state_detail: row.text("state_detail")?.to_owned(),
         findings,
-        summary: json_option(row, "summary")?,
+        summary: summary(row),
         created_us: row.integer("created_us")?,
         updated_us: row.integer("updated_us")?,
         revision: unsigned(row, "revision")?,
         attempts: u32::try_from(unsigned(row, "attempts")?).unwrap_or(u32::MAX),
+    })
+}
+
+/// What the report says in short. One that is damaged is left out, so that the job is listed, read and deleted with the others.
+fn summary(row: &impl Record) -> Option<Json> {
+    json_option(row, "summary").unwrap_or_else(|error| {
+        tracing::error!(%error, "the summary of a report is damaged");
+        None
     })
 }
 
