@@ -22,6 +22,9 @@ const DEFECTS_PER_WORD: u32 = 16;
 const ENOUGH_BLOCKS: u32 = 64;
 const ENOUGH_DEFECTS: u32 = DEFECTS_PER_BLOCK * ENOUGH_BLOCKS;
 
+/// Assignments of source code for each line that is certainly of it.
+const LINES_PER_MARK: u32 = 8;
+
 /// What was counted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Evidence {
@@ -85,8 +88,18 @@ impl Evidence {
         }
     }
 
+    /// A row of a table, which says nothing although it may read as a word and a comment: `T1;10.0`.
+    pub(crate) fn add_row(&mut self, number: u32, length: usize, fields: u32) {
+        self.add_line(number, length);
+        self.defects += fields;
+        self.looks[TextKind::Table as usize] += 1;
+    }
+
     /// A line that could not be read, that is a statement or a comment, or behind the place where the program was given up.
     pub(crate) fn add(&mut self, number: u32, line: &[u8]) {
+        if let Some(fields) = fields(line) {
+            return self.add_row(number, line.len(), fields);
+        }
         let (words, defects) = self.count(&as_it_looks(line));
         if words + defects == 0 {
             return;
@@ -113,9 +126,12 @@ impl Evidence {
         if let [b'o' | b'O', b'<' | b'0'..=b'9', ..] = line.trim_ascii_start() {
             return (2, 0);
         }
-        let (mut words, mut defects) = (0, 0);
         let pieces =
             |from: usize| line[from..].split(u8::is_ascii_whitespace).filter(|it| !it.is_empty()).count() as u32;
+        if is_assignment(line.trim_ascii_start()) {
+            return (0, pieces(0));
+        }
+        let (mut words, mut defects) = (0, 0);
         // Where a number, a letter or text ends: a word directly behind is a part of it, as in `1A4` and `of 5`.
         let mut torn_at = u32::MAX;
         for token in Lexer::new(line) {
@@ -175,9 +191,39 @@ impl Evidence {
         let is_foreign = self.defects >= FEWEST_DEFECTS
             && self.blocks.saturating_mul(DEFECTS_PER_BLOCK) <= self.defects
             && self.words.saturating_mul(DEFECTS_PER_WORD) <= self.defects;
-        let most = TextKind::ALL.into_iter().rev().max_by_key(|kind| self.looks[*kind as usize]);
+        let looks = |kind: TextKind| self.looks[kind as usize];
+        let most = TextKind::ALL.into_iter().rev().max_by_key(|kind| looks(*kind));
+        // Source code is full of assignments.
+        let is_code = looks(TextKind::Code) * LINES_PER_MARK >= looks(TextKind::Configuration);
+        let most = most.map(|most| if most == TextKind::Configuration && is_code { TextKind::Code } else { most });
         most.filter(|_| is_foreign).map(TextKind::foreign)
     }
+}
+
+/// The number of fields of a line that is the row of a table: one name or number, and at least one bare number behind a
+/// separator. In a block, what is behind a semicolon is a comment, and behind a comma a corner.
+pub(crate) fn fields(line: &[u8]) -> Option<u32> {
+    let separator = *line.iter().find(|byte| matches!(byte, b';' | b',' | b'\t'))?;
+    let mut fields = line.split(|byte| *byte == separator).map(<[u8]>::trim_ascii);
+    let is_name = |field: &[u8]| {
+        field.iter().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'+' | b'_' | b'"'))
+    };
+    fields.next().filter(|first| !first.is_empty() && is_name(first))?;
+    let (mut count, mut numbers) = (1, 0);
+    for field in fields {
+        count += 1;
+        numbers += u32::from(is_bare_number(field, separator));
+    }
+    (numbers > 0).then_some(count)
+}
+
+/// `10`, `-1.5`, `"2"`, and `10,5` where commas separate nothing; where they do, `X10,5` is a number with a decimal comma.
+fn is_bare_number(field: &[u8], separator: u8) -> bool {
+    let field = field.strip_prefix(b"\"").and_then(|field| field.strip_suffix(b"\"")).unwrap_or(field);
+    let digits = field.strip_prefix(b"-").or_else(|| field.strip_prefix(b"+")).unwrap_or(field);
+    let is_part = |byte: &u8| byte.is_ascii_digit() || *byte == b'.' || *byte == b',' && separator != b',';
+    let is_told = separator != b',' || digits.contains(&b'.');
+    is_told && digits.iter().any(u8::is_ascii_digit) && digits.iter().all(is_part)
 }
 
 /// A line with characters that only look like those of a program taken for those.
@@ -199,6 +245,17 @@ fn assigned(text: &[u8]) -> Option<&[u8]> {
     let value = rest.trim_ascii_start().strip_prefix(b"=")?.trim_ascii_start();
     let is_number = value.first().is_some_and(|byte| starts_number(*byte) || matches!(byte, b'#' | b'['));
     (letter.is_ascii_alphabetic() && is_number).then_some(value)
+}
+
+/// Whether a line of source code or a configuration begins so: `x1 = 5`, `x = 5`, `depth=3`. `X=5` is a slip of the pen.
+fn is_assignment(line: &[u8]) -> bool {
+    let is_name = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
+    let name = line.iter().take_while(|byte| is_name(byte)).count();
+    let behind = &line[name..];
+    let is_spaced = behind.starts_with(b" ");
+    line.first().is_some_and(u8::is_ascii_alphabetic)
+        && (name > 1 || is_spaced)
+        && behind.trim_ascii_start().starts_with(b"=")
 }
 
 /// Whether this begins a parameter: `#1`, `##2`, `#[3]`, `#<name>`.
@@ -281,7 +338,11 @@ impl TextKind {
         {
             return Self::Code;
         }
-        if count(b',') > 1 && !text.windows(2).any(|pair| pair == b", ") || count(b';') > 1 || count(b'\t') > 1 {
+        if fields(line).is_some()
+            || count(b',') > 1 && !text.windows(2).any(|pair| pair == b", ")
+            || count(b';') > 1
+            || count(b'\t') > 1
+        {
             return Self::Table;
         }
         let is_section = text.first() == Some(&b'[') && text.last() == Some(&b']');
@@ -307,6 +368,8 @@ mod tests {
             ("if x > 5:", (0, 4)),
             ("o<rect> call [10]", (2, 0)),
             ("#100=5", (1, 0)),
+            ("x1 = 5", (0, 3)),
+            ("G0 X = 5", (2, 1)),
             ("# Title", (0, 2)),
             ("## Title", (0, 2)),
             ("#include <stdio.h>", (0, 6)),

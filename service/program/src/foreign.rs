@@ -253,10 +253,12 @@ fn is_siemens(block: &[u8]) -> bool {
             || (is(b"MSG") || is(b"WORKPIECE") || is(b"LONGHOLE")) && behind == Some(b'(')
             || before.eq_ignore_ascii_case(b"DEF") && SIEMENS_TYPES.iter().any(|kind| starts_with(word, kind));
         // X=R1, X=IC(5), CR=5, S1=1000, T="MILL", LIMS=3000: FANUC assigns to #i and LinuxCNC to #<name> only. X=5 may be a slip of
-        // the pen, and x=y is source code.
+        // the pen, and x=y or `x1 = 5` is source code.
         let value = block[at..].trim_ascii_start().strip_prefix(b"=").unwrap_or_default().trim_ascii_start();
-        let assigns =
-            behind == Some(b'=') && is_siemens_address(word) && (word.len() > 1 || is(b"R") || is_siemens_value(value));
+        let assigns = behind == Some(b'=')
+            && is_siemens_address(word)
+            && (word.len() > 1 || is(b"R") || is_siemens_value(value))
+            && !is_source(block, word, at);
         if named || assigns && !is_prose(block) {
             return true;
         }
@@ -273,6 +275,18 @@ fn is_prose(block: &[u8]) -> bool {
         word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic) && !is_name
     };
     words(block).filter(is_plain).count() > 1
+}
+
+/// Whether `word`, which ends at `at` and is assigned or compared, is a variable of source code: `int x1 = 5;`,
+/// `if r1 == 5:`. Blocks are written in capitals or without blanks, or have codes before it.
+fn is_source(block: &[u8], word: &[u8], at: usize) -> bool {
+    let is_lower = |word: &[u8]| word.iter().all(|byte| !byte.is_ascii_uppercase());
+    let is_plain = |word: &[u8]| word.iter().all(u8::is_ascii_alphabetic);
+    let is_spaced = block[at..].starts_with(b" ") || block[at..].starts_with(b"==");
+    let is_code = |(other, _): (&[u8], usize)| b"gmnst".contains(&other[0]) && matches!(other, [_, b'0'..=b'9', ..]);
+    let first = words(block).next().map(|(first, _)| first).filter(|first| first.len() > 2 && is_plain(first));
+    let is_declared = first.is_some_and(|first| first != word && is_lower(first)) && block.ends_with(b";");
+    is_declared || is_lower(word) && is_spaced && !words(&block[..at - word.len()]).any(is_code)
 }
 
 /// `X10`, `Z-5`, `X=R1`
@@ -408,6 +422,9 @@ mod tests {
             "LIMS=3000",
             "G0 X=IC(5)",
             "$P_UIFR[1]=CTRANS(X,10)",
+            "R1 = 5",
+            "r1=5 r2=r1+3",
+            "n10 g1 x1 = 5 f100",
         ] {
             is(line, "SIEMENS");
         }
@@ -476,6 +493,14 @@ mod tests {
             "X\u{2212}5",
             "G1 X1 \u{e9}\u{e8}",
             "#3000=1(ROT)",
+            "x1 = 5",
+            "x1, y1 = 5, 3",
+            "r2 = 2 * r1",
+            "t = \"MILL\"",
+            "    if r1 == 5:",
+            "if (x1==5) {",
+            "int x1 = 5;",
+            "const X1 = 5;",
             "G68.2 X0 I0 J0 K0",
             "",
         ] {

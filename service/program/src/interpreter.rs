@@ -252,7 +252,7 @@ impl Interpreter {
             line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
         }
         self.state.lines = self.state.lines.saturating_add(1);
-        self.state.last_line_bytes = line.len() as u32;
+        self.note_line_end(line);
         let number = self.state.lines;
         if self.state.evidence.goes_on() {
             return self.look_on(line, number, operations, findings);

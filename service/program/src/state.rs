@@ -33,8 +33,9 @@ pub struct InterpreterState {
     pub(crate) phase: Phase,
     /// The last line ended with a carriage return, to which a line feed may still belong.
     pub(crate) after_return: bool,
-    /// Bytes of the last line without its end.
+    /// Bytes of the last line with anything in it, up to the blanks at its end, and how many blank lines follow it.
     pub(crate) last_line_bytes: u32,
+    pub(crate) blank_lines: u32,
     /// A line with content was examined.
     pub(crate) content_seen: bool,
     /// Whether it reads as a program.
@@ -205,6 +206,8 @@ pub(crate) struct ToolControl {
     pub(crate) held: AxisSet,
     /// Blocks are thinned.
     pub(crate) thinning: bool,
+    /// In a tilted plane: the tool axis is along its normal (`G53.1`, `G53.6`).
+    pub(crate) is_aligned: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -367,6 +370,7 @@ impl InterpreterState {
             phase: Phase::Start,
             after_return: false,
             last_line_bytes: 0,
+            blank_lines: 0,
             content_seen: false,
             evidence: Evidence::default(),
             unread: 0,

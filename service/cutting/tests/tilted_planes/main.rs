@@ -322,6 +322,32 @@ fn turning_the_tool_axis_moves_the_rotary_axes_only() {
     assert!(first[3] != last[3] && first[5] != last[5]);
 }
 
+/// The sequence that CAM systems post: X and Y in the plane first, then the length with Z, then cuts.
+#[test]
+fn a_length_behind_the_approach_keeps_x_and_y() {
+    let program = "G68.2 X10 Y20 Z30 I0 J30 K0\nG53.1\nG0 X2 Y1\nG43 H1 Z20\nG4 P20\nG1 Z-1 F3000\nG4 P20\nG2 X6 Y1 I2\nG4 P20\nG3 X6 Y5 J2\nG4 P20\nG0 Z20\nG69\nM30\n";
+    // By hand: the plane's Y is (0, cos 30, sin 30), its Z (0, -sin 30, cos 30).
+    let ends = [
+        (4, [12.0, 20.0 + 0.866_025_403_784_438_6 - 10.0, 30.0 + 0.5 + 17.320_508_075_688_77]),
+        (6, [12.0, 20.0 + 0.866_025_403_784_438_6 + 0.5, 30.0 + 0.5 - 0.866_025_403_784_438_6]),
+        (8, [16.0, 20.0 + 0.866_025_403_784_438_6 + 0.5, 30.0 + 0.5 - 0.866_025_403_784_438_6]),
+        (10, [16.0, 20.0 + 4.330_127_018_922_193 + 0.5, 30.0 + 2.5 - 0.866_025_403_784_438_6]),
+    ];
+    for chain in machines() {
+        let config = config_of(chain);
+        let report = validate(program, &config);
+        assert!(report.is_accepted(), "{:#?}", report.findings);
+        let setpoints = run(program, &config);
+        let poses = poses(&setpoints, &config);
+        for (line, end) in ends {
+            // The tool rests there in the dwell behind the block.
+            let at = setpoints.line.iter().rposition(|it| *it == line + 1).expect("a setpoint of the dwell");
+            let off_mm = norm(sub(poses[at].tip_mm, end));
+            assert!(off_mm < 1e-9, "line {line}: {:?} and {end:?}", poses[at].tip_mm);
+        }
+    }
+}
+
 #[test]
 fn without_the_tool_axis_turned_the_plane_is_cut_all_the_same() {
     let config = config();

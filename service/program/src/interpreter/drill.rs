@@ -21,7 +21,7 @@ use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::{Cycle, Motion, ToolControl, ToolMode};
 use crate::{
     Axis, AxisSet, DialectName, DrillingStyle, Feed, Finding, MoveKind, OperationKind, PathControl, Position,
-    SpindleDirection,
+    SourceSpan, SpindleDirection,
 };
 
 /// The words of a cycle beside axes.
@@ -127,7 +127,7 @@ impl Execution<'_> {
             (drilling.r_level, drilling.bottom, drilling.q) = (None, None, None);
         }
         drilling.cycle = Some(cycle);
-        drilling.line = line;
+        (drilling.line, drilling.refused) = (line, None);
         self.state.spline_exit = None;
     }
 
@@ -298,6 +298,9 @@ impl Execution<'_> {
     /// The holes of a block.
     fn drill_block(&mut self, cycle: Cycle, axis: Axis, axes: u32) {
         let along = self.letters_of(axis);
+        if (self.block.letters & !self.used & WORDS) | axes & along != 0 {
+            self.state.drilling.refused = None;
+        }
         self.check_cycle_axes(axes, axis);
         let start = self.state.position;
         let polar = self.polar_steps(axes & !along);
@@ -322,6 +325,7 @@ impl Execution<'_> {
             return;
         }
         hole.repeats = repeats;
+        self.state.drilling.refused = None;
         if repeats > 1 {
             hole.polar_step_deg = polar.unwrap_or_else(|()| {
                 self.refuse_polar_steps();
@@ -491,9 +495,14 @@ impl Execution<'_> {
         self.emit_spindle(before, self.block.span());
     }
 
+    /// Where what is wrong with the cycle is reported, once for all holes of the same words.
+    fn cycle_span(&mut self) -> SourceSpan {
+        *self.state.drilling.refused.get_or_insert(self.block.span())
+    }
+
     #[cold]
     fn cycle_word(&mut self, message: &str, cure: &str) {
-        let span = self.block.span();
+        let span = self.cycle_span();
         self.findings.push_with(code::CYCLE_WORD, |code| Finding::new(code, span, message).suggest(cure));
     }
 }

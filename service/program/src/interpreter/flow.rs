@@ -344,6 +344,7 @@ impl Interpreter {
         self.state.evidence.settle();
         self.state.place = mark.place;
         self.state.lines = mark.lines;
+        (self.state.last_line_bytes, self.state.blank_lines) = (0, 0);
         self.state.after_return = false;
         self.state.phase = Phase::Blocks;
     }

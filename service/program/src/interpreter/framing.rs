@@ -2,6 +2,7 @@
 
 use super::{Interpreter, angle, corner};
 use crate::code;
+use crate::evidence;
 use crate::foreign::{self, Foreign};
 use crate::lexer::{Lexer, TokenKind};
 use crate::state::Phase;
@@ -36,7 +37,9 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) -> bool {
         let (block, evidence, number) = (&self.block, &mut self.state.evidence, self.state.lines);
-        if block.unclear || block.rest.is_some() || block.is_empty() && block.assignments.is_empty() {
+        if let Some(fields) = evidence::fields(line) {
+            evidence.add_row(number, line.len(), fields);
+        } else if block.unclear || block.rest.is_some() || block.is_empty() && block.assignments.is_empty() {
             evidence.add(number, line);
         } else {
             evidence.add_block(number, line.len(), block.word_count());
@@ -136,8 +139,9 @@ impl Interpreter {
         }
         // A line that is too long and has no end has not been counted yet.
         self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
+        let line = self.state.lines.saturating_sub(self.state.blank_lines).max(1);
         let column = self.state.last_line_bytes.saturating_add(1);
-        let span = SourceSpan { program: self.state.place.program, line: self.state.lines.max(1), column, length: 0 };
+        let span = SourceSpan { program: self.state.place.program, line, column, length: 0 };
         let code = if self.table.dialect.is_linuxcnc { code::NO_END_REFUSED } else { code::NO_END };
         findings.push_with(code, |code| {
             Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")

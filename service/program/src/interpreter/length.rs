@@ -107,7 +107,10 @@ impl Execution<'_> {
             let change_mm = next.length_mm - self.state.length.length_mm;
             self.state.length = next;
             if change_mm != 0.0 {
-                self.state.tool_control.held = self.state.tool_control.held.with(AxisSet::LINEAR);
+                // The machine rests, and the tip moves along the tool axis: along the normal where that is aligned.
+                let control = &mut self.state.tool_control;
+                let moved = if control.is_aligned { AxisSet::NONE.with_axis(Axis::Z) } else { AxisSet::LINEAR };
+                control.held = control.held.with(moved);
                 self.check_cut_with_change(change_mm, span);
             }
             return;

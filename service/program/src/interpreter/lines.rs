@@ -62,6 +62,15 @@ impl Interpreter {
         }
     }
 
+    /// Remembers where a line ends for who looks: blanks say nothing.
+    #[inline]
+    pub(super) fn note_line_end(&mut self, line: &[u8]) {
+        match line.iter().rposition(|byte| !byte.is_ascii_whitespace() && *byte != 0) {
+            Some(last) => (self.state.last_line_bytes, self.state.blank_lines) = (last as u32 + 1, 0),
+            None => self.state.blank_lines = self.state.blank_lines.saturating_add(1),
+        }
+    }
+
     /// Where the line ends whose terminator is at `at`: behind a line feed, a carriage return, or both.
     #[inline]
     fn line_end(&mut self, input: &[u8], at: usize) -> usize {
@@ -113,7 +122,7 @@ impl Interpreter {
     fn report_long_line(&mut self, start: &[u8], findings: &mut FindingLog) {
         let longest = self.settings.max_line_bytes;
         let line = self.state.lines.saturating_add(1);
-        self.state.last_line_bytes = 0;
+        (self.state.last_line_bytes, self.state.blank_lines) = (0, 0);
         // Any word may have stood in it.
         self.state.unread = u32::MAX;
         self.straight = Straight::Unknown;

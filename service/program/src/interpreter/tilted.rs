@@ -190,6 +190,7 @@ impl Execution<'_> {
             *held = held.with(AxisSet::LINEAR);
         }
         *held = held.with(AxisSet::ROTARY);
+        self.state.tool_control.is_aligned = true;
         let step = self.new_move(MoveKind::Rapid, self.state.position, Feed::PerMinute(0.0));
         let mut guided = self.guided_step(ToolGuide::Align { solution, about_tip }, step);
         guided.held = guided.held.with(AxisSet::LINEAR);
@@ -207,7 +208,9 @@ impl Execution<'_> {
         let guided =
             GuidedMove { step, guide: ToolGuide::Axes, held, length_offset: 0, plane: None, is_pure_cut: false };
         self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
-        self.state.tool_control.held = self.state.tool_control.held.with(AxisSet::LINEAR);
+        let control = &mut self.state.tool_control;
+        control.held = control.held.with(AxisSet::LINEAR);
+        control.is_aligned &= !named.meets(AxisSet::ROTARY);
     }
 
     /// Reports rotary axes that a word moves in a tilted plane: whether there are any. Some controls then keep the tool where it is on

@@ -65,8 +65,7 @@ impl Execution<'_> {
             let mode = if vectors { ToolMode::Vectors } else { ToolMode::Angles };
             let held = self.state.tool_control.held.with(AxisSet::LINEAR);
             let on_line = span.line;
-            self.state.tool_control =
-                ToolControl { mode, on_line, length_offset, direction: None, held, thinning: false };
+            self.state.tool_control = ToolControl { mode, on_line, length_offset, held, ..ToolControl::default() };
         }
         if let Some(word) = thinning {
             self.thinning_parameter(&word, span);

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::SourceSpan;
+
 /// A cycle as the program calls it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DrillingCycle {
@@ -74,6 +76,9 @@ pub(crate) struct Drilling {
     pub(crate) cycle: Option<Cycle>,
     /// Line of its code.
     pub(crate) line: u32,
+    /// The first block that could not be carried out, and after which no word of the cycle came: where further holes that cannot
+    /// are counted.
+    pub(crate) refused: Option<SourceSpan>,
     /// `G99`: cycles return to the R level.
     pub(crate) to_r: bool,
     /// Where the last hole of the mode returned to, as `to_r`.

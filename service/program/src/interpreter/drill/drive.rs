@@ -20,7 +20,7 @@ impl Execution<'_> {
     /// What makes the tool cut; nothing after a finding.
     pub(super) fn drive(&mut self, cycle: Cycle) -> Option<Drive> {
         if self.state.feed_unit == FeedUnit::InverseTime {
-            let span = self.block.span();
+            let span = self.cycle_span();
             self.findings.push_with(code::CYCLE_FEED, |code| {
                 Finding::new(code, span, "a drilling cycle under inverse time feed, G93")
                     .suggest("switch to feed per minute before the cycle, G94")
@@ -59,7 +59,7 @@ impl Execution<'_> {
         if LEADS_MM.contains(&lead_mm) {
             return Some(Drive::Spindle { lead_mm });
         }
-        let span = self.block.span();
+        let span = self.cycle_span();
         self.findings.push_with(code::CYCLE_VALUE, |code| {
             let message = format!("the lead of the tap is {lead_mm} mm, but must be 0.0001 to 500 mm");
             Finding::new(code, span, message)
@@ -96,7 +96,7 @@ impl Execution<'_> {
     }
 
     fn spindle_finding(&mut self, message: &str, cure: &str) {
-        let span = self.block.span();
+        let span = self.cycle_span();
         let speed = self.state.rev_per_min;
         self.findings.push_with(code::CYCLE_SPINDLE, |code| {
             Finding::new(code, span, message).with_value("speed", speed, "rev/min").suggest(cure)

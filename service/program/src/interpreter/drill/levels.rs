@@ -86,7 +86,7 @@ impl Execution<'_> {
         if !wrong && !is_below {
             return Some(Levels { r, bottom, start, up });
         }
-        let span = self.block.span();
+        let span = self.cycle_span();
         let name = self.cycle_name();
         self.findings.push_with(code::CYCLE_LEVEL, |code| {
             let (message, cure) = if wrong && back {

@@ -80,7 +80,7 @@ impl Execution<'_> {
         if u64::from(strokes) * u64::from(repeats) <= u64::from(MAX_STROKES) {
             return Some(());
         }
-        let span = self.block.span();
+        let span = self.cycle_span();
         self.findings.push_with(code::CYCLE_VALUE, |code| {
             let message =
                 format!("{repeats} holes with {strokes} or more strokes each are more than {MAX_STROKES} in one block");
@@ -359,6 +359,8 @@ impl Execution<'_> {
     fn drill_value(&mut self, word: &Word, message: String, cure: &str) {
         let span = self.block.word_span(word);
         let value = word.number.value();
+        // That something is missing at the next hole is no mistake of its own.
+        self.state.unread |= letter_bit(b'Q');
         self.findings.push_with(code::CYCLE_VALUE, |code| {
             Finding::new(code, span, message).with_value("value", value, "").suggest(cure)
         });
@@ -366,7 +368,7 @@ impl Execution<'_> {
 
     #[cold]
     fn cycle_setting(&mut self, what: &str, setting: &str, values: &str) {
-        let span = self.block.span();
+        let span = self.cycle_span();
         self.findings.push_with(code::CYCLE_SETTING, |code| {
             let message = format!("the machine profile does not say {what}");
             let cure =

@@ -39,6 +39,28 @@ fn drills(settings: &LanguageSettings, program: &str, expected: &str) {
 }
 
 #[test]
+fn what_is_wrong_with_a_cycle_is_one_finding_for_all_its_holes() {
+    let found = |settings: LanguageSettings, cycle: &str| {
+        let program = format!("M3 S1000\nG0 X0 Y0 Z10.\n{cycle}\nX20.\nX30.\nX40.\nG80\nG0 Z50.\nM30\n");
+        let (_, findings) = interpret(program.as_bytes(), settings);
+        let found = findings.findings().iter();
+        found.map(|it| (it.code.to_string(), it.span.line, it.occurrences)).collect::<Vec<_>>()
+    };
+    let one = |code: &str, line: u32, count: u64| vec![(code.to_owned(), line, count)];
+    assert_eq!(found(mill(), "G76 X10. Z-5. R2. Q0.1 F100"), one("PRG-CYCLE-SETTING", 3, 4));
+    assert_eq!(found(mill(), "G81 X10. Z-5. R-8. F100"), one("PRG-CYCLE-LEVEL", 3, 4));
+    assert_eq!(found(mill(), "G0 Z1.\nG81 X10. Z-5. R2. F100"), one("PRG-CYCLE-LEVEL", 4, 4));
+    assert_eq!(found(mill(), "G83 X10. Z-5. R2. F100"), one("PRG-CYCLE-WORD", 3, 4));
+    assert_eq!(found(mill(), "G93 G81 X10. Z-5. R2. F100"), one("PRG-CYCLE-FEED", 3, 4));
+    assert_eq!(found(mill(), "M5\nG84 X10. Z-5. R2. F100"), one("PRG-CYCLE-SPINDLE", 4, 4));
+    assert_eq!(found(mill(), "G83 X10. Z-500. R2. Q0.001 F100"), one("PRG-CYCLE-VALUE", 3, 4));
+    assert_eq!(found(mill(), "G83 X10. Z-5. R2. Q0. F100"), one("PRG-CYCLE-VALUE", 3, 1));
+    // A word of the cycle is a place of its own.
+    let levels = found(mill(), "G81 X10. Z-5. R-8. F100\nX12.\nX14. R-9.");
+    assert_eq!(levels, [one("PRG-CYCLE-LEVEL", 3, 2), one("PRG-CYCLE-LEVEL", 5, 4)].concat());
+}
+
+#[test]
 fn worked_example_2_peck_drilling() {
     let program = "G0 X0 Y0 Z10\nG98 G83 X10 Y5 Z-12 R2 Q5 F100";
     let expected = |first: &str, second: &str| {

@@ -107,6 +107,12 @@ fn text_tables_and_drawings() {
     let row = "1.25,0.5,3.75\n12.5,0.25,0.0\n";
     check_file(format!("time_s,x_mm,z_mm\n{}", row.repeat(20)), "CSV", 1);
     check_file(row.replace(',', "\t").repeat(3_000), "CSV", 1);
+    for separator in [";", ",", "\t"] {
+        check_file("T1;10.0\nT2;12.5\nT3;6.0\n".replace(';', separator), "CSV", 1);
+        check_file("Tool;Diameter\nT1;10.0\nT2;12.5\nT3;6.0\n".replace(';', separator), "CSV", 1);
+        check_file("X1;2.5;Y2\nX2;3.5;Y3\n".replace(';', separator), "CSV", 1);
+    }
+    check_file("import math\nx1 = 5\ny1 = 3\nr2 = 7.5\nprint(math.hypot(x1, y1))\n", "source code", 1);
     let entity = "  0\nLINE\n  5\nA4\n330\n1F\n100\nAcDbEntity\n  8\nCONTOUR\n100\nAcDbLine\n 10\n0.0\n 20\n1.5\n 11\n25.0\n 21\n1.5\n";
     let drawing = format!("  0\nSECTION\n  2\nENTITIES\n{}  0\nENDSEC\n  0\nEOF\n", entity.repeat(40));
     check_file(&drawing, "DXF", 1);

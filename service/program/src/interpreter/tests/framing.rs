@@ -31,7 +31,8 @@ fn line_ends_and_byte_order_mark() {
 #[test]
 fn ways_to_end() {
     assert_eq!(render("", &mill()), "end\n! 1:1+0 PRG-NOT-A-PROGRAM");
-    assert_eq!(render("G0 X1\n\n", &mill()), "rapid 0 -> X1\nend\nw 2:1+0 PRG-NO-END");
+    assert_eq!(render("G0 X1\n\n", &mill()), "rapid 0 -> X1\nend\nw 1:6+0 PRG-NO-END");
+    assert_eq!(render("G0 X1 \n(TEXT)\t \n\r\n  \n", &mill()), "rapid 0 -> X1\nend\nw 2:7+0 PRG-NO-END");
     // The end of the last line, however it ends.
     for program in ["G0 X1\nX2.5", "G0 X1\nX2.5\n", "G0 X1\r\nX2.5\r\n", "G0 X1\rX2.5\r", "\u{feff}G0 X1\nX2.5"] {
         assert!(render(program, &mill()).ends_with("\nw 2:5+0 PRG-NO-END"), "{program:?}");

@@ -15,7 +15,8 @@ fn read(text: &str, settings: &LanguageSettings) -> (Vec<Operation>, FindingLog,
             LineOutcome::NeedMore | LineOutcome::Ended => break,
         }
     }
-    let state = InterpreterState { place: Place::default(), last_line_bytes: 0, ..interpreter.state().clone() };
+    let state =
+        InterpreterState { place: Place::default(), last_line_bytes: 0, blank_lines: 0, ..interpreter.state().clone() };
     (operations, findings, state)
 }
 

@@ -35,6 +35,32 @@ fn a_pocket_in_a_tilted_plane() {
 }
 
 #[test]
+fn a_length_moves_the_tip_along_the_normal_once_the_tool_is_on_it() {
+    // As Fusion posts it: X and Y are placed before the length is.
+    check(
+        &mill(),
+        "G68.2 X10 Y20 Z30 I0 J30 K0\nG53.1\nG0 X0 Y0\nG43 H1 Z20\nG1 Z-1 F100\nG2 X4 I2\nG43 H2\nG91 G1 X1\nG90 G49\nG1 Y2",
+        "guided align Preferred H0 rapid -> 0 ~XYZABC
+         guided plane H0 rapid -> 0 ~ZABC
+         guided plane H1 rapid -> Z20 ~ABC
+         guided plane H1 cut -> Z-1 ~ABC @100/min
+         guided plane H1 cut -> X4 Z-1 ~ABC about 2,0 by -180 @100/min
+         guided plane H2 cut -> X5 Z-1 ~ZABC @100/min
+         guided plane H0 cut -> X5 Y2 Z-1 ~ZABC @100/min",
+    );
+    // A tool that stands askew takes X and Y along with its length; so does one in another plane.
+    let askew = "guided plane H0 rapid -> X1 Y1 ~Z\nguided plane H1 rapid -> X1 Y1 Z20 ~XY";
+    check(&mill(), "G68.2 J30\nG0 X1 Y1\nG43 H1 Z20", askew);
+    check(
+        &mill(),
+        "G68.2 J30\nG53.1\nG69\nG68.2 J40\nG0 X1 Y1\nG43 H1 Z20",
+        "guided align Preferred H0 rapid -> 0 ~XYZABC
+         guided plane H0 rapid -> X1 Y1 ~ZABC
+         guided plane H1 rapid -> X1 Y1 Z20 ~XYABC",
+    );
+}
+
+#[test]
 fn splines_and_rigid_taps_are_in_the_coordinates_of_the_plane() {
     check(
         &mill(),
