@@ -6,12 +6,15 @@ mod common;
 use core::f64::consts::TAU;
 use std::fmt::Write;
 
-use common::{Setpoints, all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
+use common::measured::{positions, worst_use};
+use common::{all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{GenerationMode, MachineProfile, OverrideChange, PipelineConfig, VibrationEnvelope};
 use proptest::prelude::*;
 
 /// 45 Hz and 0.1 mm on the generic lathe, whose axes follow 10 m/s².
 const TURNED: &str = "G21 S970 M3\nG0 X30 Z2\nG200 F45 A0.1\nG1 Z-6 F0.1\nG201\nM30\n";
+/// How exact positions are besides the rounding of their numbers.
+const FIT_MM: f64 = 2e-13;
 const PERIODS_US: [u32; 3] = [250, 1_000, 4_000];
 const MODES: [GenerationMode; 3] = [GenerationMode::AlongPath, GenerationMode::Tangential, GenerationMode::ServoSide];
 
@@ -20,47 +23,13 @@ fn lathe(mode: GenerationMode, period_us: u32) -> PipelineConfig {
     PipelineConfig { generation_mode: mode, interpolation_period_us: period_us, ..config }
 }
 
-/// The positions of an axis; in servo-side mode those that one servo period per interpolation period gives.
-fn positions(setpoints: &Setpoints, axis: usize) -> Vec<f64> {
-    let mut positions = setpoints.axes[axis].clone();
-    if let Some(amplitude) = setpoints.servo_amplitude.get(axis) {
-        for ((position, amplitude), phase) in positions.iter_mut().zip(amplitude).zip(&setpoints.servo_phase) {
-            *position += amplitude * (TAU * phase).sin();
-        }
-    }
-    positions
-}
-
-/// Largest ratio of velocity, acceleration and jerk of any axis to its limit by finite differences, and the place.
-fn worst_use(setpoints: &Setpoints, config: &PipelineConfig) -> ([f64; 3], [usize; 3]) {
-    let h = config.period_s();
-    let (mut worst, mut at) = ([0.0_f64; 3], [0; 3]);
-    for (column, axis) in config.profile.machine.axes.iter().enumerate() {
-        let positions = positions(setpoints, column);
-        let farthest = positions.iter().fold(1.0_f64, |farthest, value| farthest.max(value.abs()));
-        let noise = 16.0 * f64::EPSILON * farthest + 2e-13;
-        for (k, p) in positions.windows(4).enumerate() {
-            let differences = [p[3] - p[2], (p[3] - p[2]) - (p[2] - p[1]), p[3] - 3.0 * (p[2] - p[1]) - p[0]];
-            let limits = [axis.max_velocity_per_s, axis.max_acceleration_per_s2, axis.max_jerk_per_s3];
-            for (order, (difference, limit)) in differences.into_iter().zip(limits).enumerate() {
-                let order_i = order as i32 + 1;
-                let found = (difference.abs() - 2.0_f64.powi(order_i) * noise).max(0.0) / h.powi(order_i) / limit;
-                if found > worst[order] {
-                    (worst[order], at[order]) = (found, k + 3);
-                }
-            }
-        }
-    }
-    (worst, at)
-}
-
 #[test]
 fn limits_hold_at_the_ends_as_inside() {
     for mode in MODES {
         for period_us in PERIODS_US {
             let config = lathe(mode, period_us);
             let setpoints = run(TURNED, &config);
-            let (worst, at) = worst_use(&setpoints, &config);
+            let (worst, at) = worst_use(&setpoints, &config, FIT_MM);
             assert!(worst.iter().all(|ratio| *ratio <= 1.0 + 1e-6), "{mode:?} {period_us}: {worst:?} at {at:?}");
             let z = positions(&setpoints, 1);
             assert_eq!(z.last(), Some(&-6.0));
@@ -89,7 +58,7 @@ fn the_published_form_says_what_it_asks_for() {
     assert!(report.is_accepted());
     let ends = report.sections[0].published_ends.clone().unwrap();
     assert!((ends.start_velocity_step_mm_per_s - TAU * 4.5).abs() < 1e-9);
-    let (worst, _) = worst_use(&run(TURNED, &published(false)), &published(false));
+    let (worst, _) = worst_use(&run(TURNED, &published(false)), &published(false), FIT_MM);
     let found = worst[1] * 10_000.0;
     assert!(found > 27_000.0 && found <= ends.clamp_acceleration_mm_per_s2, "{found} of {ends:?}");
     assert!((ends.start_acceleration_mm_per_s2 / 27_900.0 - 1.0).abs() < 0.01, "{ends:?}");
@@ -237,7 +206,7 @@ proptest! {
         for (axis, end) in end.into_iter().enumerate() {
             prop_assert_eq!(positions(&setpoints, axis).last().copied(), Some(end));
         }
-        let (worst, at) = worst_use(&setpoints, &config);
+        let (worst, at) = worst_use(&setpoints, &config, FIT_MM);
         prop_assert!(
             worst.iter().all(|ratio| *ratio <= 1.0 + 1e-6),
             "{:?} at {:?}, lines {:?}\n{}", worst, at, at.map(|k| setpoints.line[k]), text

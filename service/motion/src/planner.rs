@@ -15,6 +15,7 @@
 //! be too high for the new commands, and the first runs brake.
 
 mod change;
+mod reach;
 mod refine;
 mod request;
 mod runs;
@@ -29,6 +30,7 @@ use crate::speed::AxisLimits;
 use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE, LEAST_START, WINDOW_BYTES};
 use crate::{Machine, Stretch};
 
+use reach::WithinReach;
 use refine::{Released, Row};
 pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
 use runs::{Node, Plan, Run, Stop};
@@ -93,6 +95,8 @@ pub struct Planner<B> {
     settings: PlannerSettings,
     /// Ratio of the speeds to the commanded ones.
     feed_override: f64,
+    /// What the chain does not have yet, since the limits within reach are not known. A restart leaves it.
+    within_reach: WithinReach,
     /// The present chain, as far as it is not released.
     chain: VecDeque<Waiting>,
     /// Speed at the chain's start, mm/s; without acceleration.
@@ -140,6 +144,7 @@ impl<B> Planner<B> {
     pub fn new(settings: PlannerSettings) -> Self {
         Self {
             feed_override: 1.0,
+            within_reach: WithinReach::default(),
             chain: VecDeque::new(),
             entry_speed: 0.0,
             overspeed: 0.0,
@@ -174,6 +179,25 @@ impl<B> Planner<B> {
 
     /// Adds the next element.
     pub fn push_motion(&mut self, request: MotionRequest) {
+        if request.reach_mm > 0.0 {
+            self.within_reach.push(request);
+            while let Some(known) = self.within_reach.pop() {
+                self.plan_motion(known);
+            }
+        } else {
+            self.plan_all_within_reach();
+            self.plan_motion(request);
+        }
+    }
+
+    /// Nothing that follows is within reach of what waits.
+    fn plan_all_within_reach(&mut self) {
+        for (_, request) in self.within_reach.take() {
+            self.plan_motion(request);
+        }
+    }
+
+    fn plan_motion(&mut self, request: MotionRequest) {
         if let Some(held) = &mut self.held {
             return held.push_back(PathItem::Motion(request));
         }
@@ -222,6 +246,11 @@ impl<B> Planner<B> {
 
     /// Adds a barrier; the path rests there.
     pub fn push_barrier(&mut self, barrier: B) {
+        self.plan_all_within_reach();
+        self.plan_barrier(barrier);
+    }
+
+    fn plan_barrier(&mut self, barrier: B) {
         self.release_chain();
         match &mut self.held {
             Some(held) => held.push_back(PathItem::Barrier(barrier)),
@@ -231,6 +260,7 @@ impl<B> Planner<B> {
 
     /// Says that nothing follows.
     pub fn finish(&mut self) {
+        self.plan_all_within_reach();
         self.finished = true;
         self.release_chain();
     }
@@ -248,7 +278,8 @@ impl<B> Planner<B> {
             PathItem::Motion(request) => Ahead::Motion(request),
             PathItem::Barrier(barrier) => Ahead::Barrier(barrier),
         });
-        self.chain.iter().map(|waiting| Ahead::Motion(&waiting.request)).chain(held)
+        let within_reach = self.within_reach.waiting().map(Ahead::Motion);
+        self.chain.iter().map(|waiting| Ahead::Motion(&waiting.request)).chain(held).chain(within_reach)
     }
 
     /// Takes back everything that was pushed and not popped, in order.
@@ -277,8 +308,8 @@ impl<B> Planner<B> {
         self.next_start = None;
         for item in path {
             match item {
-                PathItem::Motion(request) => self.push_motion(request),
-                PathItem::Barrier(barrier) => self.push_barrier(barrier),
+                PathItem::Motion(request) => self.plan_motion(request),
+                PathItem::Barrier(barrier) => self.plan_barrier(barrier),
             }
         }
         if self.finished {

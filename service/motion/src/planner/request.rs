@@ -23,6 +23,9 @@ pub struct MotionRequest {
     pub passes_corners: bool,
     /// Whether the feed override acts on it; it does not on threads.
     pub follows_override: bool,
+    /// How far ahead of the command and behind it the position may be, mm: every place then has the strictest limits within this
+    /// distance along the path.
+    pub reach_mm: f64,
     /// Whether it has the limits of the machine's axes to itself: nothing is superposed. Only then its speed can be planned
     /// for the least time.
     pub has_full_limits: bool,
@@ -42,6 +45,7 @@ impl MotionRequest {
             rest_at_end: false,
             passes_corners: true,
             follows_override: true,
+            reach_mm: 0.0,
             has_full_limits: true,
             origin: Origin::Block,
         }
@@ -153,6 +157,8 @@ impl PlannedMotion {
             rest_at_end,
             passes_corners,
             follows_override,
+            // Its limits have that.
+            reach_mm: 0.0,
             has_full_limits,
             origin,
         }

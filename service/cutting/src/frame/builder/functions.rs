@@ -92,6 +92,11 @@ impl Superposed {
         self.left.as_ref().map_or(machine, |left| &left.machine)
     }
 
+    /// How far the position is ahead of the command and behind it along the path at most, mm.
+    pub(super) fn reach_mm(&self) -> f64 {
+        self.vibration.as_ref().map_or(0.0, VibrationDemand::offset_along_path_mm)
+    }
+
     /// The limits of the element, in pieces.
     pub(super) fn limit_pieces(&self, element: &Element, machine: &Machine) -> Result<LimitPieces, LimitExceeded> {
         let machine = self.machine(machine);

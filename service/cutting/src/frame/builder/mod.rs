@@ -395,6 +395,7 @@ impl Builder {
         let mut request = MotionRequest::new(element, stretches);
         request.rest_at_end = rest_at_end;
         request.passes_corners = passes_corners;
+        request.reach_mm = superposed.reach_mm();
         request.has_full_limits = superposed.has_full_limits();
         request.origin = origin;
         planner.push_motion(request);

@@ -102,6 +102,11 @@ impl VibrationDemand {
         self.amplitude_mm
     }
 
+    /// Largest offset along the path, mm.
+    pub(crate) const fn offset_along_path_mm(&self) -> f64 {
+        if self.leaves_path { 0.0 } else { self.amplitude_mm }
+    }
+
     /// Largest offset beside a curved path, mm.
     pub(crate) const fn offset_beside_path_mm(&self) -> f64 {
         if self.leaves_path { self.amplitude_mm } else { 0.0 }

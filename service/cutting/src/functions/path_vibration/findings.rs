@@ -307,10 +307,11 @@ impl Evidence {
         let code = if bind { code::VIB_PUBLISHED_ENDS } else { code::VIB_PUBLISHED_ENDS_PERMITTED };
         let unit = Quantity::Acceleration.unit(axis.rotary);
         let message = format!(
-            "the published form steps the velocity by {} mm/s at its start and by up to {} mm/s at each clamp and at its end: \
+            "the published form steps the velocity by {} mm/s at its start and by up to {} mm/s at each clamp and at its end{}: \
              at this period up to {} {unit} of the {} axis, whose limit is {}",
             decimal(ends.start_velocity_step_mm_per_s, 2),
             decimal(ends.clamp_velocity_step_mm_per_s, 2),
+            if ends.has_corners { ", and turns with the path at corners" } else { "" },
             decimal(axis.acceleration_per_s2, 0),
             axis.axis,
             decimal(axis.max_acceleration_per_s2, 0)

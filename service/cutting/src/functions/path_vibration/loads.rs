@@ -2,6 +2,7 @@
 
 use feedwave_motion::{
     Curve, Element, LEAST_FEED_SHARE, LimitExceeded, Machine, MachineAxis, PathLimits, PathMotion, Quantity,
+    TANGENT_TOLERANCE_RAD,
 };
 use feedwave_program::{Axis, Position};
 
@@ -72,6 +73,8 @@ pub(super) struct Exceeded {
 #[derive(Clone, Copy, Debug, Default)]
 struct AxisLoad {
     worst_direction: f64,
+    /// Largest change of the direction at a junction of a published vibration.
+    kink: f64,
     velocity_per_s: f64,
     acceleration_per_s2: f64,
     jerk_per_s3: f64,
@@ -87,6 +90,15 @@ impl AxisLoad {
         if kept.is_none_or(|[demand, limit]| demanded * limit > demand * permitted) {
             *kept = Some([demanded, permitted]);
         }
+    }
+
+    /// Largest acceleration where a published vibration with these peaks steps the velocity, seen in setpoints of a period, per
+    /// s²: at its ends and clamps to or from rest, at corners by the change of direction, beside its own acceleration.
+    fn at_steps(&self, peaks: &PathMotion, feed_mm_per_s: f64, period_s: f64) -> f64 {
+        let at_ends = self.worst_direction * (peaks.velocity + feed_mm_per_s) / period_s;
+        // Velocity and acceleration of a sine are a quarter of a period apart.
+        let wave = (self.kink * peaks.velocity / period_s).hypot(self.worst_direction * peaks.acceleration);
+        at_ends.max(wave + self.kink * feed_mm_per_s / period_s)
     }
 
     fn demanded(&self) -> [f64; 3] {
@@ -138,6 +150,14 @@ impl AxisLoads {
     pub(super) fn start_part(&mut self, feed_mm_per_s: f64) {
         self.part_feed_mm_per_s = feed_mm_per_s;
         self.least_feed_mm_per_s = self.least_feed_mm_per_s.min(feed_mm_per_s);
+    }
+
+    /// The directions of the axes change so much at a junction, before and behind which a published vibration may be at its
+    /// full speed.
+    pub(super) fn turns_at_junction(&mut self, kinks: &Position) {
+        for (load, axis) in self.axes.iter_mut().zip(&self.machine.axes) {
+            load.kink = load.kink.max(kinks[axis.axis.index()]);
+        }
     }
 
     fn demand(&self, condition: VibrationCondition) -> VibrationDemand {
@@ -261,8 +281,8 @@ impl AxisLoads {
         let ends = || {
             let binds = settings.envelope == VibrationEnvelope::Published && settings.published_limits_bind;
             // A published vibration has no blend, whatever the feed.
-            let step_mm_per_s = demand.peaks(0.0).velocity + largest_ratio * self.top_feed_mm_per_s;
-            let axis = binds.then(|| self.exceeding(step_mm_per_s / period_s)).flatten()?;
+            let feed_mm_per_s = largest_ratio * self.top_feed_mm_per_s;
+            let axis = binds.then(|| self.exceeding(&demand.peaks(0.0), feed_mm_per_s, period_s)).flatten()?;
             let (demanded, permitted) = (axis.acceleration_per_s2, axis.max_acceleration_per_s2);
             let (name, rotary) = (axis.axis.into(), axis.rotary);
             Some(Objection::Axis { name, quantity: Quantity::Acceleration, rotary, demanded, permitted })
@@ -351,12 +371,13 @@ impl AxisLoads {
 
     /// The same with all that decides whether the axes can follow: what curves leave of limits, and the steps of a published
     /// vibration.
-    pub(super) fn deciding(&self, ends: Option<&PublishedEnds>) -> Vec<AxisLoadReport> {
+    pub(super) fn deciding(&self, published_period_s: Option<f64>) -> Vec<AxisLoadReport> {
+        let peaks = self.demand(self.condition).peaks(0.0);
         self.moving()
             .map(|(load, axis)| {
                 let (mut demanded, mut limits) = (load.demanded(), limits_of(axis));
-                if let Some(ends) = ends {
-                    demanded[1] = demanded[1].max(load.worst_direction * ends.clamp_acceleration_mm_per_s2);
+                if let Some(period_s) = published_period_s {
+                    demanded[1] = demanded[1].max(load.at_steps(&peaks, self.top_feed_mm_per_s, period_s));
                 }
                 for (index, refused) in load.refused.iter().enumerate() {
                     if let Some([demand, permitted]) = *refused
@@ -377,7 +398,8 @@ impl AxisLoads {
     /// The steps of a published vibration at the ends of its parts, seen in setpoints (or servo setpoints) of `period_s`.
     pub(super) fn published_ends(&self, period_s: f64) -> PublishedEnds {
         let demand = self.demand(self.condition);
-        let velocity_step_mm_per_s = demand.peaks(0.0).velocity;
+        let peaks = demand.peaks(0.0);
+        let velocity_step_mm_per_s = peaks.velocity;
         let first_mm = demand.amplitude_mm() * sin_turns((self.condition.frequency_hz * period_s).min(0.25));
         let clamp_step_mm_per_s = velocity_step_mm_per_s + self.top_feed_mm_per_s;
         PublishedEnds {
@@ -385,21 +407,22 @@ impl AxisLoads {
             start_acceleration_mm_per_s2: first_mm / (period_s * period_s),
             clamp_velocity_step_mm_per_s: clamp_step_mm_per_s,
             clamp_acceleration_mm_per_s2: clamp_step_mm_per_s / period_s,
-            exceeded: self.exceeding(clamp_step_mm_per_s / period_s),
+            has_corners: self.axes.iter().any(|load| load.kink > TANGENT_TOLERANCE_RAD),
+            exceeded: self.exceeding(&peaks, self.top_feed_mm_per_s, period_s),
         }
     }
 
-    /// The axis whose acceleration limit is exceeded most by this acceleration along the path.
-    fn exceeding(&self, acceleration_mm_per_s2: f64) -> Option<ExceededAxis> {
-        let ratio = |(load, axis): &(&AxisLoad, &MachineAxis)| load.worst_direction / axis.max_acceleration_per_s2;
-        let worst = self.axes.iter().zip(&self.machine.axes).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
-        let (acceleration_per_s2, max_acceleration_per_s2) =
-            (worst.0.worst_direction * acceleration_mm_per_s2, worst.1.max_acceleration_per_s2);
-        (acceleration_per_s2 > max_acceleration_per_s2).then(|| ExceededAxis {
-            axis: worst.1.name.clone(),
-            rotary: worst.1.axis.is_rotary(),
+    /// The axis whose acceleration limit the steps of a published vibration exceed most.
+    fn exceeding(&self, peaks: &PathMotion, feed_mm_per_s: f64, period_s: f64) -> Option<ExceededAxis> {
+        let demands = self.axes.iter().map(|load| load.at_steps(peaks, feed_mm_per_s, period_s));
+        let ratio = |(demand, axis): &(f64, &MachineAxis)| demand / axis.max_acceleration_per_s2;
+        let (acceleration_per_s2, axis) =
+            demands.zip(&self.machine.axes).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
+        (acceleration_per_s2 > axis.max_acceleration_per_s2).then(|| ExceededAxis {
+            axis: axis.name.clone(),
+            rotary: axis.axis.is_rotary(),
             acceleration_per_s2,
-            max_acceleration_per_s2,
+            max_acceleration_per_s2: axis.max_acceleration_per_s2,
         })
     }
 }

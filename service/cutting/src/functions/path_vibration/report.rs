@@ -112,7 +112,9 @@ pub struct PublishedEnds {
     pub clamp_velocity_step_mm_per_s: f64,
     /// Largest acceleration that setpoints ask for there, mm/s².
     pub clamp_acceleration_mm_per_s2: f64,
-    /// The axis whose acceleration limit is exceeded most.
+    /// Whether there are corners, at which the velocity of the axes steps with the direction of the path.
+    pub has_corners: bool,
+    /// The axis whose acceleration limit is exceeded most, at an end, a clamp or a corner.
     pub exceeded: Option<ExceededAxis>,
 }
 

@@ -3,7 +3,7 @@
 //! Invariant: memory does not grow with the section.
 
 use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineKind, PathLimits, TANGENT_TOLERANCE_RAD};
-use feedwave_program::{Axis, DrillingCycle, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
+use feedwave_program::{Axis, DrillingCycle, Feed, FindingLog, Position, SourceSpan, Spindle, SpindleSpeed};
 
 use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, analyse};
 use super::chip_course::{ChipCourse, ChipVerdict, Piece};
@@ -156,6 +156,12 @@ impl SectionAnalyzer {
         self.loads.start_part(feed_mm_per_s);
     }
 
+    /// The directions of the axes change so much at a junction, before and behind which a published vibration may be at its
+    /// full speed.
+    pub fn turns_at_junction(&mut self, kinks: &Position) {
+        self.loads.turns_at_junction(kinks);
+    }
+
     /// The part ends at a junction of blocks; `direction_change` is |τ₂−τ₁| there.
     pub fn end_part(&mut self, direction_change: f64, line: u32) {
         self.parts.junctions += 1;
@@ -291,7 +297,7 @@ impl SectionAnalyzer {
         let published = self.settings.envelope == VibrationEnvelope::Published;
         let turns_per_period = frequency_hz * self.period_s;
         let published_ends = published.then(|| self.loads.published_ends(self.period_s));
-        let deciding_axes = self.loads.deciding(published_ends.as_ref());
+        let deciding_axes = self.loads.deciding(published.then_some(self.period_s));
         let report = SectionReport {
             on_line: self.on_span.line,
             first_line: self.first_line.unwrap_or(self.on_span.line),

@@ -96,6 +96,11 @@ impl Side {
         change.map(|change| change * change).sum::<f64>().sqrt()
     }
 
+    /// |Δτ| of every axis.
+    fn kinks(&self, next: &Self) -> Position {
+        core::array::from_fn(|index| (next.tangent[index] - self.tangent[index]).abs())
+    }
+
     /// Whether every axis can follow a vibration that goes over the junction to `next`.
     ///
     /// Over a junction the axes see a step of velocity V·Δτ and one of acceleration V²·Δp″, with V the speed of feed and
@@ -198,8 +203,13 @@ impl Vibration {
         let vibration = self.switch.on_mut().filter(|vibration| vibration.section_open)?;
         let start = Side::of(element, 0.0);
         let goes_on = vibration.part.is_some_and(|part| vibration.goes_over(&part, &start, feed_mm_per_s, inputs));
+        let mut open = analysis.and_then(|analysis| analysis.open.as_mut());
+        if let (VibrationEnvelope::Published, Some(open), Some(part)) =
+            (inputs.settings.envelope, open.as_mut(), vibration.part)
+        {
+            open.turns_at_junction(&part.end.kinks(&start));
+        }
         if !goes_on {
-            let mut open = analysis.and_then(|analysis| analysis.open.as_mut());
             if let Some(part) = vibration.part.take() {
                 planner.push_barrier(SectionBarrier::PartEnd.into());
                 if let Some(open) = &mut open {
