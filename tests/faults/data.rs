@@ -12,9 +12,11 @@ use feedwave_contract::proto::window_length::Length;
 use feedwave_contract::proto::{
     DecisionRules, DeleteJobRequest, FeedRule, GetJobRequest, Grouping, Job, JobState, ListJobsRequest,
     MonitoringConfig, RunCommandKind, RunSettings, SensorQuantity, Sensors, SetMonitoringRequest,
-    StreamSetpointsRequest, ToolCheck, WindowLength,
+    StreamSetpointsRequest, ToolCheck, WatchDecisionsRequest, WindowLength,
 };
-use feedwave_tests::{Chance, Clients, Home, LiveClient, Server, long_dwell, patiently, stream};
+use feedwave_tests::{
+    Chance, Clients, Home, LIVE_PART, LiveClient, RunLedger, Server, live_config, long_dwell, patiently, stream,
+};
 use rustix::process::Signal;
 use sqlx::Connection as _;
 use sqlx::sqlite::SqliteConnection;
@@ -160,6 +162,44 @@ async fn a_run_goes_no_further_where_what_was_sent_does_not_come_again() {
     let refused = run.reach(141_000).await.unwrap_err();
     assert_eq!(refused.code(), Code::DataLoss, "{refused:?}");
     assert!(run.next_index < 140_000, "nothing that was not sent before");
+}
+
+#[tokio::test]
+async fn a_decision_that_cannot_be_read_keeps_nobody_from_those_behind_it() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let job = clients.submit(LIVE_PART).await.job.name;
+    let request = SetMonitoringRequest { job: job.clone(), config: Some(live_config()) };
+    TelemetryClient::new(clients.channel.clone()).set_monitoring(request).await.expect("the configuration is valid");
+    RunLedger::default().drive(clients.channel.clone(), &job, 300).await;
+    let listed = server.web().get("/v1/decisions").await.json();
+    let listed = listed["decisions"].as_array().expect("decisions");
+    assert!(listed.len() > 4, "{listed:?}");
+    let is_readable = |decision: &&serde_json::Value| !["2", "3"].contains(&decision["number"].as_str().unwrap_or(""));
+    let readable: Vec<_> = listed.iter().filter(is_readable).map(|decision| decision["sequence"].clone()).collect();
+    let home = damaged(server, "UPDATE decisions SET body = x'ff' WHERE number IN (2, 3)").await;
+
+    let server = home.start().await;
+    let mut events = server.web().open("/v1/stream", &[("last-event-id", "0-0")]).await;
+    let mut told = Vec::new();
+    while told.len() < readable.len() {
+        let event = patiently(events.next_event()).await.expect("the stream goes on");
+        if event.event == "decision" {
+            told.push(event.data["sequence"].clone());
+        }
+    }
+    assert_eq!(told, readable);
+    let metrics = server.web().get("/metrics").await;
+    assert!(metrics.text().contains("\nfeedwave_unreadable_records_total 2\n"), "{}", metrics.text());
+    assert!(server.log().contains("cannot be read, and is passed over"), "{}", server.log());
+
+    let mut telemetry = TelemetryClient::new(server.connect().await.channel);
+    let request = WatchDecisionsRequest { after: Some(0), job, ..WatchDecisionsRequest::default() };
+    let mut watched = telemetry.watch_decisions(request).await.expect("decisions").into_inner();
+    for sequence in readable {
+        let response = patiently(watched.message()).await.expect("the stream goes on").expect("a decision");
+        assert_eq!(response.decision.expect("a decision").sequence.to_string(), sequence);
+    }
 }
 
 #[tokio::test]

@@ -66,8 +66,21 @@ export class Refused extends Error {
   }
 }
 
+/** How far the clock of the service is ahead of the reader's, ms. */
+let aheadMs = 0;
+/** The service says its time in whole seconds, and an answer takes its way: less than that is no age. */
+const LEAST_AGE_MS = 2000;
+
+/** How old something is by the clock of the service, ms; 0 where it is fresh. */
+export const oldMs = (time) => {
+  const age = Date.now() + aheadMs - Date.parse(time);
+  return age > LEAST_AGE_MS ? age : 0;
+};
+
 const request = async (path, headers = {}, signal = undefined) => {
   const response = await fetch(path, { headers: { ...headers, ...identification() }, signal, cache: "no-cache" });
+  const time = Date.parse(response.headers.get("date") ?? "");
+  if (Number.isFinite(time)) aheadMs = time - Date.now();
   if (response.ok) return response;
   let message = `${response.status}`;
   try {

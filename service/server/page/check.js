@@ -3,14 +3,14 @@
 import { chips } from "./chip.js";
 import { drawing } from "./drawing.js";
 import { editor } from "./editor.js";
-import { element, keep, setAttribute, setText } from "./dom.js";
+import { element, inEnglish, keep, setAttribute, setLines, setText } from "./dom.js";
 import { call } from "./grpc.js";
 import { Path } from "./path.js";
 import { read, readBytes } from "./api.js";
 import { findingsText } from "./jobs.js";
 import { isLathe, machineName, readMachines, readTools } from "./resources.js";
 import { createJob } from "./upload.js";
-import { bytes, duration, number, t } from "./text.js";
+import { bytes, duration, findingName, number, t } from "./text.js";
 
 /** What is being written, as long as the page is open. */
 const draft = { text: "", name: "", machine: "", tools: new Set(), notice: "" };
@@ -45,6 +45,7 @@ export const check = (place, store, parameters) => {
   let path = new Path();
   let failure = "";
   let state = "";
+  /** What the drawing lacks, as a key of the words. */
   let drawingState = "";
   let running = new AbortController();
   const stop = new AbortController();
@@ -117,11 +118,12 @@ export const check = (place, store, parameters) => {
     for (const button of [previous, next]) setAttribute(button, "disabled", found === 0);
     setText(count, failure ? "" : draft.text.trim() === "" ? "" : state || (found === 0 ? t("noFindings") : t("foundCount", { count: number(found) })));
     const elsewhere = (report ?? interpreted)?.findings.filter((finding) => finding.file || !finding.line) ?? [];
-    setText(notice, [failure, draft.notice, draft.text === "" ? t("checkEmpty") : "", ...elsewhere.map((finding) => `${finding.code}: ${finding.message}`)].filter(Boolean).join("\n"));
+    const words = [failure, draft.notice, draft.text === "" ? t("checkEmpty") : ""].filter(Boolean).map((line) => [line]);
+    setLines(notice, [...words, ...elsewhere.map((finding) => [`${findingName(finding)}: `, inEnglish(finding.message)])]);
     setAttribute(notice, "hidden", notice.textContent === "");
     setText(keys, t("editorKeys"));
     source.draw();
-    picture.draw(drawingState);
+    picture.draw(drawingState && t(drawingState));
     chipPictures.draw(report);
     drawFacts();
   };
@@ -182,8 +184,8 @@ export const check = (place, store, parameters) => {
       state = "";
       const hasErrors = findings.some((finding) => finding.severity === "SEVERITY_ERROR");
       source.setFindings(findings.sort((a, b) => a.line - b.line || a.column - b.column));
-      drawingState = hasErrors ? t("drawnToError") : "";
-      picture.show(path, isLathe(chosenMachine()), drawingState);
+      drawingState = hasErrors ? "drawnToError" : "";
+      picture.show(path, isLathe(chosenMachine()), drawingState && t(drawingState));
     } catch (error) {
       if (signal.aborted) return;
       running.abort();

@@ -15,6 +15,15 @@ export const element = (name, attributes = {}, ...children) => {
   return made;
 };
 
+/** What the service says in a sentence, as findings and errors do: it is in English, whatever the language of the page. */
+export const inEnglish = (text) => element("span", { lang: "en" }, text);
+
+/** Sets lines of text, each a list of texts and elements, where they have changed. */
+export const setLines = (node, lines) => {
+  const made = element("div", {}, ...lines.flatMap((line, index) => [index > 0 ? "\n" : "", ...line]));
+  if (node.textContent !== made.textContent || node.childElementCount !== made.childElementCount) node.replaceChildren(...made.childNodes);
+};
+
 /** Sets a text where it has changed. */
 export const setText = (node, text) => {
   if (node.textContent !== text) node.textContent = text;

@@ -1,7 +1,7 @@
 // A text with findings in place: each marked and named in its line, the one at the cursor under it with its cures.
 
-import { element, setAttribute, setText } from "./dom.js";
-import { short, t } from "./text.js";
+import { element, inEnglish, setAttribute, setText } from "./dom.js";
+import { findingName, short, t } from "./text.js";
 
 export const LINE_PX = 22;
 const EXTRA_LINES = 10;
@@ -80,7 +80,7 @@ export const editor = ({ onEdit, onLine }) => {
     code.append(content.slice(at));
     const worst = [...own].sort((a, b) => ORDER[a.severity] - ORDER[b.severity])[0];
     const more = own.length > 1 ? ` (+${own.length - 1})` : "";
-    const note = worst ? element("span", { class: "editor-note", "data-severity": severityOf(worst) }, `${worst.code}${more}: ${worst.message}`) : null;
+    const note = worst ? element("span", { class: "editor-note", "data-severity": severityOf(worst) }, `${findingName(worst)}${more}: `, inEnglish(worst.message)) : null;
     return element("div", { class: "editor-line", "data-pointed": line === pointed, "data-line": line }, code, note);
   };
 
@@ -138,16 +138,16 @@ export const editor = ({ onEdit, onLine }) => {
     const place = `${current + 1} / ${findings.length}`;
     const often = Number(finding.occurrences) > 1 ? ` · ${t("occurrences", { count: finding.occurrences })}` : "";
     const cures = (finding.suggestions ?? []).map((one) => element(
-      "li", {}, element("span", { lang: "en" }, one.message),
+      "li", {}, inEnglish(one.message),
       one.replacement === undefined ? null : element(
         "button", { type: "button", class: "cure", disabled: !isCurrent, onclick: () => cure(finding, one.replacement) },
         one.replacement === "" ? t("curesBy") : `${t("cureWith")} `, one.replacement === "" ? null : element("code", {}, one.replacement),
       ),
     ));
     const related = (finding.related ?? []).map((one) => element(
-      "li", { lang: "en" }, one.file || !one.line ? one.message : element("button", { type: "button", class: "link", onclick: () => go(one.line) }, `${t("line", { line: one.line })}: ${one.message}`)));
+      "li", {}, one.file || !one.line ? inEnglish(one.message) : element("button", { type: "button", class: "link", onclick: () => go(one.line) }, `${t("line", { line: one.line })}: `, inEnglish(one.message))));
     shown.replaceChildren(
-      element("p", { class: "finding-head", lang: "en" }, element("strong", {}, finding.code), `${finding.message}${often}`, element("span", { class: "finding-place" }, place)),
+      element("p", { class: "finding-head" }, element("strong", {}, findingName(finding)), inEnglish(finding.message), often, element("span", { class: "finding-place" }, place)),
       ...(cures.length + related.length > 0 ? [element("ul", { class: "finding-cures" }, ...cures, ...related)] : []),
     );
     placeFinding();

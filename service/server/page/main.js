@@ -3,7 +3,7 @@
 import { board } from "./board.js";
 import { check, takeFile } from "./check.js";
 import { element, keep, setAttribute, setText } from "./dom.js";
-import { chosenTenant, follow, forget, hasToken, read, setTenant, setToken } from "./api.js";
+import { chosenTenant, follow, forget, hasToken, oldMs, read, setTenant, setToken } from "./api.js";
 import { jobs } from "./jobs.js";
 import { program } from "./program.js";
 import { run } from "./run.js";
@@ -205,7 +205,8 @@ follow({
   },
   state: (machine) => {
     announce(machine);
-    machine.arrivedAt = performance.now();
+    // One that runs may have stood still for long when this page comes to see it.
+    machine.arrivedAt = performance.now() - oldMs(machine.run?.updateTime);
     store.machines.set(machine.machine, machine);
     store.isRead = true;
     changes.call(machine);

@@ -3,13 +3,13 @@
 
 import { chips } from "./chip.js";
 import { drawing } from "./drawing.js";
-import { element, setAttribute, setText } from "./dom.js";
+import { element, inEnglish, setAttribute, setLines, setText } from "./dom.js";
 import { call } from "./grpc.js";
 import { Path } from "./path.js";
 import { read, readBytes } from "./api.js";
 import { isLathe, readMachines } from "./resources.js";
 import { findingsText, jobState } from "./jobs.js";
-import { bytes, clock, currentLanguage, duration, number, short, t } from "./text.js";
+import { bytes, clock, duration, findingName, number, short, t } from "./text.js";
 
 const LINE_PX = 22;
 /** Rows of a finding and what is around them; a row has so many letters for each pixel of width, and no more rows are laid out. */
@@ -70,7 +70,8 @@ export const program = (place, store, name) => {
     },
   });
   let pointed = 0;
-  let drawingState = "";
+  /** What is said of the drawing, in the language of the page. */
+  let drawingState = () => "";
   let ownRuns = [];
   const point = (line) => {
     if (line === pointed) return;
@@ -106,7 +107,7 @@ export const program = (place, store, name) => {
     const letters = Math.max(20, ((scroller.clientWidth || 800) - MARGIN_PX) / LETTER_PX);
     const rows = (text) => Math.max(1, Math.ceil(text.length / letters));
     const cures = (finding.suggestions ?? []).map((cure) => rows(`${t("cure")}:   ${cure.message} ${cure.replacement ?? ""}`));
-    return Math.min(MOST_ROWS, [rows(`${finding.code} ${finding.message}`), ...cures].reduce((sum, count) => sum + count, 0));
+    return Math.min(MOST_ROWS, [rows(`${findingName(finding)} ${finding.message}`), ...cures].reduce((sum, count) => sum + count, 0));
   };
   const layOut = () => {
     heights = [0];
@@ -137,12 +138,12 @@ export const program = (place, store, name) => {
   const findingNode = (finding, index) => {
     const severity = short(finding.severity, "SEVERITY_").toLowerCase();
     const cures = (finding.suggestions ?? []).map((cure) =>
-      element("li", {}, cure.message, cure.replacement === undefined ? null : element("code", {}, cure.replacement)));
+      element("li", {}, inEnglish(cure.message), cure.replacement === undefined ? null : element("code", {}, cure.replacement)));
     const often = Number(finding.occurrences) > 1 ? ` · ${t("occurrences", { count: number(finding.occurrences) })}` : "";
     const node = element(
-      "div", { class: "finding", lang: "en", "data-severity": severity, "data-current": index === current },
-      element("p", { class: "finding-head" }, element("strong", {}, finding.code), `${finding.message}${often}`),
-      cures.length > 0 ? element("div", { class: "cures" }, element("span", { lang: currentLanguage() }, `${t("cure")}: `), element("ul", {}, cures)) : null,
+      "div", { class: "finding", "data-severity": severity, "data-current": index === current },
+      element("p", { class: "finding-head" }, element("strong", {}, findingName(finding)), inEnglish(finding.message), often),
+      cures.length > 0 ? element("div", { class: "cures" }, element("span", {}, `${t("cure")}: `), element("ul", {}, cures)) : null,
     );
     node.style.blockSize = `${heights[index + 1] - heights[index]}px`;
     return node;
@@ -210,10 +211,10 @@ export const program = (place, store, name) => {
     setText(subtitle, parts.filter(Boolean).join(" · "));
     const elsewhere = (report?.findings ?? []).filter((finding) => finding.file || !finding.line);
     const said = failure
-      ? t("failed", { reason: failure })
-      : !job ? t("loading") : size > data.length ? t("tooLong", { size: bytes(data.length) }) : job.stateMessage || "";
-    const others = elsewhere.map((finding) => `${finding.code} ${finding.file ? t("inFile", { file: finding.file }) : ""}: ${finding.message}`);
-    setText(notice, [said, ...others].filter(Boolean).join("\n"));
+      ? [t("failed", { reason: "" }), inEnglish(failure)]
+      : !job ? [t("loading")] : size > data.length ? [t("tooLong", { size: bytes(data.length) })] : job.stateMessage ? [inEnglish(job.stateMessage)] : [];
+    const others = elsewhere.map((finding) => [`${findingName(finding)}${finding.file ? ` ${t("inFile", { file: finding.file })}` : ""}: `, inEnglish(finding.message)]);
+    setLines(notice, [said, ...others].filter((line) => line.length > 0));
     setAttribute(notice, "hidden", notice.textContent === "");
     setText(previous, t("previous"));
     setText(next, t("next"));
@@ -227,7 +228,7 @@ export const program = (place, store, name) => {
     setAttribute(runs, "hidden", ownRuns.length === 0);
     runs.replaceChildren(`${t("runs")}: `, ...ownRuns.flatMap((one, index) => [index > 0 ? " · " : "", element("a", { href: `/${one.name}` }, clock(one.createTime))]));
     drawSource();
-    picture.draw(drawingState);
+    picture.draw(drawingState());
     chipPictures.draw(report);
   };
 
@@ -276,8 +277,8 @@ export const program = (place, store, name) => {
     const path = new Path();
     const enough = new AbortController();
     stop.signal.addEventListener("abort", () => enough.abort());
-    drawingState = t("loading");
-    picture.draw(drawingState);
+    drawingState = () => t("loading");
+    picture.draw(drawingState());
     let ofLathe = false;
     try {
       const machines = await readMachines(stop.signal);
@@ -288,12 +289,12 @@ export const program = (place, store, name) => {
           if (!message.actions.every((action) => path.add(action))) enough.abort();
         },
       });
-      drawingState = "";
+      drawingState = () => "";
     } catch (error) {
       if (stop.signal.aborted) return;
-      drawingState = path.isCut ? "" : t("failed", { reason: error.message });
+      drawingState = () => (path.isCut ? "" : t("failed", { reason: error.message }));
     }
-    picture.show(path, ofLathe, drawingState);
+    picture.show(path, ofLathe, drawingState());
   };
   const begin = async () => {
     await readReport();

@@ -2,7 +2,7 @@
 
 import { chart, timePlace } from "./chart.js";
 import { element, keep, setAttribute, setText } from "./dom.js";
-import { read } from "./api.js";
+import { oldMs, read } from "./api.js";
 import { clock, code, duration, measured, number, percent, short, t } from "./text.js";
 import {
   ageOf, conditionText, feedReason, isAvailable, levelOf, limitBar, nameOf, otherRuns, paintBar, paintIcon, propertyOf, stateIcon, stateOf,
@@ -133,7 +133,7 @@ export const run = (place, store, name) => {
       () => element("li", {}, element("span", { class: "alarm-text" }), element("span", { class: "alarm-note" }), element("p", { class: "alarm-message", lang: "en" })),
       (row, one) => {
         setAttribute(row, "data-severity", short(one.severity, "CONDITION_SEVERITY_").toLowerCase());
-        setText(row.firstChild, conditionText(one));
+        setText(row.firstChild, `${code(short(one.severity, "CONDITION_SEVERITY_"))}: ${conditionText(one)}`);
         setText(row.lastChild, one.message);
         const seen = !one.needsAcknowledgement ? "" : one.acknowledgedBy ? t("acknowledged", { name: one.acknowledgedBy }) : t("toAcknowledge");
         setText(row.children[1], [one.raiseTime ? t("sinceTime", { time: clock(one.raiseTime) }) : "", seen].filter(Boolean).join(" · "));
@@ -291,12 +291,16 @@ export const run = (place, store, name) => {
     decisions.sort((a, b) => Number(a.number) - Number(b.number));
     if (decisions.length > MOST_DECISIONS) decisions = decisions.slice(-MOST_DECISIONS);
   };
+  const readRecord = async () => {
+    const now = await read(`/v1/${name}`, stop.signal);
+    record = { ...now, arrivedAt: performance.now() - oldMs(now.activity?.updateTime) };
+  };
   /** Asks for a run that no machine shows. */
   const ask = async () => {
     if (isAsking) return;
     isAsking = true;
     try {
-      record = { ...(await read(`/v1/${name}`, stop.signal)), arrivedAt: performance.now() };
+      await readRecord();
       changed();
     } catch {
       // The connection says that it is lost; what was read last has its age.
@@ -306,7 +310,7 @@ export const run = (place, store, name) => {
   };
   const readAll = async () => {
     try {
-      record = { ...(await read(`/v1/${name}`, stop.signal)), arrivedAt: performance.now() };
+      await readRecord();
       await readDecisions();
       failure = null;
     } catch (error) {

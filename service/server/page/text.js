@@ -136,6 +136,7 @@ const CODES = {
     FINDINGS: "program has warnings", RECEIPTS_MISSING: "no receipts of setpoints", MESSAGES_UNREAD: "messages were not read",
     STREAM_UNREAD: "stream was not read", REQUEST_STALLED: "request came to a halt", STORE_UNAVAILABLE: "store cannot be reached",
     STORE_DAMAGED: "store is damaged", INTERNAL: "error of the service", INVALID_FIELDS: "client sent what is not valid",
+    ERROR: "error", WARNING: "warning", INFO: "note", FAULT: "fault",
   },
   de: {
     KEEP: "beibehalten", CHANGE: "ändern", HOLD: "nichts entscheiden", STOP: "stoppen", HOLD_FEED: "Vorschub anhalten",
@@ -152,7 +153,7 @@ const CODES = {
     NO_SPECTRUM: "kein Spektrum", FINDINGS: "Programm hat Warnungen", RECEIPTS_MISSING: "keine Quittungen über Sollwerte",
     MESSAGES_UNREAD: "Meldungen nicht gelesen", STREAM_UNREAD: "Strom nicht gelesen", REQUEST_STALLED: "Anfrage kam zum Stehen",
     STORE_UNAVAILABLE: "Speicher nicht erreichbar", STORE_DAMAGED: "Speicher beschädigt", INTERNAL: "Fehler des Dienstes",
-    INVALID_FIELDS: "Client sandte Ungültiges",
+    INVALID_FIELDS: "Client sandte Ungültiges", ERROR: "Fehler", WARNING: "Warnung", INFO: "Hinweis", FAULT: "Störung",
   },
 };
 
@@ -196,6 +197,9 @@ export const code = (name) => CODES[language][name] ?? name.toLowerCase().replac
 
 /** The name of an enum value without its prefix. */
 export const short = (value, prefix) => (value ?? "").replace(prefix, "");
+
+/** How severe a finding is and which it is, in the language of the page. */
+export const findingName = (finding) => `${code(short(finding.severity, "SEVERITY_"))} ${finding.code}`;
 
 const formats = new Map();
 const format = (digits) => {

@@ -64,8 +64,8 @@ impl Api {
     /// Services over a store and an engine.
     #[must_use]
     pub fn new(store: Store, engine: Engine, metrics: Arc<Metrics>, limits: Limits) -> Self {
-        let recent_events = Arc::new(Recent::new(&store));
-        let recent_decisions = Arc::new(Recent::new(&store));
+        let recent_events = Arc::new(Recent::new(&store, metrics.unreadable_records.clone()));
+        let recent_decisions = Arc::new(Recent::new(&store, metrics.unreadable_records.clone()));
         let caller = Caller::service();
         let floors = Floors::default();
         let store = Records::new(store, caller.clone());

@@ -56,16 +56,22 @@ pub(crate) struct Shown {
     /// Version of the machine in the store; empty where it is in none.
     pub(crate) etag: String,
     json: OnceLock<Bytes>,
+    answer: OnceLock<Tagged>,
 }
 
 impl Shown {
     fn new(version: u64, state: MachineState, etag: String) -> Arc<Self> {
-        Arc::new(Self { version, state, etag, json: OnceLock::new() })
+        Arc::new(Self { version, state, etag, json: OnceLock::new(), answer: OnceLock::new() })
     }
 
     /// The state as JSON, written once for all readers.
     pub(crate) fn json(&self) -> &Bytes {
         self.json.get_or_init(|| json::to_string(&self.state).into())
+    }
+
+    /// The state as an answer with an entity tag, made once for all who ask.
+    pub(crate) fn answer(&self) -> &Tagged {
+        self.answer.get_or_init(|| Tagged::new(self.json().clone()))
     }
 
     /// The identifier of the machine.
@@ -122,6 +128,8 @@ pub(crate) struct FloorReader {
     newest: watch::Receiver<u64>,
     /// Only this machine.
     machine: Option<String>,
+    /// Least time between two readings.
+    interval: Duration,
     /// Before that, nothing is read again.
     not_before: Option<Instant>,
     seen: u64,
@@ -129,21 +137,34 @@ pub(crate) struct FloorReader {
 }
 
 impl FloorReader {
+    /// With another least time between two readings than [`STATE_INTERVAL`].
+    pub(crate) fn every(self, interval: Duration) -> Self {
+        Self { interval, ..self }
+    }
+
     /// What changed since the last call, as soon as something has, but not sooner than [`STATE_INTERVAL`] after that call; at
     /// first everything. `None` when there will be no more.
     pub(crate) async fn next(&mut self) -> Option<Changes> {
-        if let Some(not_before) = self.not_before {
-            // What is given up while it waits has not seen anything.
-            while *self.newest.borrow() <= self.seen {
-                self.newest.changed().await.ok()?;
-            }
-            sleep_until(not_before).await;
-        }
-        self.not_before = Some(Instant::now() + STATE_INTERVAL);
-        Some(self.changes())
+        self.is_ready().await.then(|| self.changes())
     }
 
-    fn changes(&mut self) -> Changes {
+    /// Waits until [`Self::changes`] has something to tell and it is time to; `false` when there will be no more.
+    pub(crate) async fn is_ready(&mut self) -> bool {
+        let Some(not_before) = self.not_before else { return true };
+        // What is given up while it waits has not seen anything.
+        let seen = self.seen;
+        if self.newest.wait_for(|newest| *newest > seen).await.is_err() {
+            return false;
+        }
+        if not_before > Instant::now() {
+            sleep_until(not_before).await;
+        }
+        true
+    }
+
+    /// What changed since the last call; at first everything.
+    pub(crate) fn changes(&mut self) -> Changes {
+        self.not_before = Some(Instant::now() + self.interval);
         let board = self.floor.board();
         let wanted = |id: &str| self.machine.as_deref().is_none_or(|machine| machine == id);
         let changed = board.machines.iter().filter(|(id, machine)| machine.shown.version > self.seen && wanted(id));
@@ -336,7 +357,15 @@ impl Floor {
     /// Follows all machines, or one.
     pub(crate) fn reader(&self, machine: Option<String>) -> FloorReader {
         let newest = self.newest.subscribe();
-        FloorReader { floor: self.clone(), newest, machine, not_before: None, seen: 0, shown: BTreeSet::new() }
+        FloorReader {
+            floor: self.clone(),
+            newest,
+            machine,
+            interval: STATE_INTERVAL,
+            not_before: None,
+            seen: 0,
+            shown: BTreeSet::new(),
+        }
     }
 
     /// The first page of states, written once for all who poll: by `write` where something has changed since.

@@ -25,13 +25,12 @@ use bounds::{Bounds, Panicked, bounded};
 pub(crate) use conditional::Tagged;
 use feedwave_contract::document::json_path;
 use feedwave_contract::proto::{
-    GetJobRequest, GetReportRequest, GetRunRequest, GetStateRequest, JobStateCount, ListAuditEntriesRequest,
-    ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest, ListRunsRequest, ListStatesRequest,
-    ReadProgramRequest, ServerState,
+    GetJobRequest, GetReportRequest, GetRunRequest, JobStateCount, ListAuditEntriesRequest, ListDecisionsRequest,
+    ListJobEventsRequest, ListJobsRequest, ListRunsRequest, ListStatesRequest, ReadProgramRequest, ServerState,
 };
 use feedwave_contract::routes::{ROUTES, Route};
 use feedwave_contract::{json, openapi};
-use feedwave_store::JobState;
+use feedwave_store::{JobState, Page};
 use futures_util::TryStreamExt as _;
 use prometheus::proto::MetricFamily;
 use prost::Name;
@@ -45,6 +44,7 @@ use crate::api::Api;
 use crate::audit::{AuditLog, asked};
 use crate::connections::{App, Connection, in_json};
 use crate::error::{Error, Result, Violations};
+use crate::floor::Shown;
 use crate::lifecycle::REQUEST_ID;
 use crate::observability::metrics::{Metrics, machines, open, text_of};
 use crate::observability::{REVISION, VERSION};
@@ -249,16 +249,29 @@ async fn list_states(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> A
     let request = ListStatesRequest { page_size: query.number("pageSize"), page_token: query.text("pageToken") };
     query.finish()?;
     if request != ListStatesRequest::default() {
-        return Ok(message(&headers, &api.list_states(request)?));
+        return Ok(conditional::response(&headers, page_of_states(&api.list_shown(request)?)));
     }
-    let body = api.floor().first_page(|| Ok(Tagged::new(json::to_string(&api.list_states(request)?))))?;
+    let body = api.floor().first_page(|| Ok(Tagged::new(page_of_states(&api.list_shown(request)?))))?;
     Ok(body.response(&headers))
+}
+
+/// A `ListStatesResponse` as JSON, put together from the texts of its states, which are written once for all readers.
+fn page_of_states(page: &Page<Arc<Shown>>) -> Vec<u8> {
+    let mut text = br#"{"states":["#.to_vec();
+    for (place, shown) in page.items.iter().enumerate() {
+        if place > 0 {
+            text.push(b',');
+        }
+        text.extend_from_slice(shown.json());
+    }
+    let token = serde_json::Value::from(page.next_token.as_deref().unwrap_or_default());
+    text.extend_from_slice(format!(r#"],"nextPageToken":{token}}}"#).as_bytes());
+    text
 }
 
 async fn get_machine_state(api: Api, id: Id, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     Query::parse(raw.as_deref()).finish()?;
-    let response = api.get_machine_state(&GetStateRequest { name: name("machines", id)? })?;
-    Ok(message(&headers, &response.state.unwrap_or_default()))
+    Ok(api.shown(&name("machines", id)?)?.answer().response(&headers))
 }
 
 /// Most bytes of a program in one answer.

@@ -100,7 +100,7 @@ impl Publisher {
             silence: Duration::from_secs(config.keepalive_s) * 2 + PATIENCE,
             max_message_bytes: usize::try_from(config.max_message_bytes).unwrap_or(usize::MAX),
             states: States::new(api.floors.of(config.tenant()), config),
-            decisions: Decisions::new(log, store.clone(), config),
+            decisions: Decisions::new(log, store.clone(), api.metrics.unreadable_records.clone(), config),
             unconfirmed: VecDeque::new(),
             in_flight: InFlight::default(),
             metrics: api.metrics.mqtt.clone(),

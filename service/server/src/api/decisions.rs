@@ -1,7 +1,5 @@
 //! Decisions: listed, and watched as they become durable.
 
-use std::sync::Arc;
-
 use feedwave_contract::names;
 use feedwave_contract::proto::{
     Decision, ListDecisionsRequest, ListDecisionsResponse, WatchDecisionsRequest, WatchDecisionsResponse,
@@ -10,7 +8,7 @@ use feedwave_store::{DecisionFilter, DecisionRecord, Store};
 use futures_util::{Stream, TryStreamExt as _};
 use tokio::sync::watch;
 
-use super::log::{Entry, Log, LogFilter, LogWatch};
+use super::log::{Entry, Log, LogFilter, LogWatch, Stored};
 use super::{Api, LogPage, cursor, page_request};
 use crate::engine::name_decision;
 use crate::error::{Error, Result, Violations};
@@ -23,19 +21,21 @@ pub(crate) struct DecisionLog;
 impl Log for DecisionLog {
     type Message = Decision;
 
+    const RECORDS: &'static str = "decisions";
+
     fn newest(store: &Store) -> watch::Receiver<i64> {
         store.watch_decisions()
     }
 
-    async fn read(store: &Store, after: i64, filter: LogFilter, limit: u32) -> Result<Vec<Arc<Entry<Decision>>>> {
+    async fn read(store: &Store, after: i64, filter: LogFilter, limit: u32) -> Result<Vec<Stored<Decision>>> {
         let filter = DecisionFilter { tenant: filter.tenant, run_id: filter.run, job_id: filter.job };
         let records = store.decisions_after(after, &filter, limit).await?;
         let entry = |record: &DecisionRecord| {
-            let decision = decision_from_record(record)?;
             let of = LogFilter { tenant: Some(record.tenant), job: Some(record.job_id), run: Some(record.run_id) };
-            Ok(Entry::new(record.sequence, of, decision))
+            let entry = decision_from_record(record).map(|decision| Entry::new(record.sequence, of, decision));
+            Stored { sequence: record.sequence, entry }
         };
-        records.iter().map(entry).collect()
+        Ok(records.iter().map(entry).collect())
     }
 }
 

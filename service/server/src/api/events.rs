@@ -1,7 +1,5 @@
 //! State changes of jobs: listed, and watched as they happen.
 
-use std::sync::Arc;
-
 use feedwave_contract::convert::timestamp;
 use feedwave_contract::proto::{
     JobEvent, ListJobEventsRequest, ListJobEventsResponse, WatchJobsRequest, WatchJobsResponse,
@@ -13,7 +11,7 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::jobs::state_to_proto;
-use super::log::{Entry, Log, LogFilter, LogWatch};
+use super::log::{Entry, Log, LogFilter, LogWatch, Stored};
 use super::{Api, LogPage, cursor, page_request};
 use crate::error::{Result, Violations};
 
@@ -24,16 +22,18 @@ pub(crate) struct EventLog;
 impl Log for EventLog {
     type Message = JobEvent;
 
+    const RECORDS: &'static str = "state changes of jobs";
+
     fn newest(store: &Store) -> watch::Receiver<i64> {
         store.watch_events()
     }
 
-    async fn read(store: &Store, after: i64, filter: LogFilter, limit: u32) -> Result<Vec<Arc<Entry<JobEvent>>>> {
+    async fn read(store: &Store, after: i64, filter: LogFilter, limit: u32) -> Result<Vec<Stored<JobEvent>>> {
         let wanted = EventFilter { tenant: filter.tenant, job_id: filter.job };
         let events = store.events_after(after, &wanted, limit).await?;
         let entry = |event: &EventRecord| {
             let of = LogFilter { tenant: Some(event.tenant), job: Some(event.job_id), run: None };
-            Entry::new(event.sequence, of, event_to_proto(event))
+            Stored { sequence: event.sequence, entry: Ok(Entry::new(event.sequence, of, event_to_proto(event))) }
         };
         Ok(events.iter().map(entry).collect())
     }

@@ -8,6 +8,7 @@ use feedwave_contract::json;
 use feedwave_contract::json::Name;
 use feedwave_store::{Store, Tenant};
 use futures_util::{Stream, stream};
+use prometheus::IntCounter;
 use tokio::sync::{Mutex, watch};
 use uuid::Uuid;
 
@@ -71,6 +72,9 @@ pub(crate) trait Log: Send + Sync + 'static {
     /// What the contract says of a record.
     type Message: Name + Clone + Send + Sync;
 
+    /// What it is a log of, for people.
+    const RECORDS: &'static str;
+
     /// The place of the newest record.
     fn newest(store: &Store) -> watch::Receiver<i64>;
 
@@ -80,13 +84,23 @@ pub(crate) trait Log: Send + Sync + 'static {
         after: i64,
         filter: LogFilter,
         limit: u32,
-    ) -> impl Future<Output = Result<Vec<Arc<Entry<Self::Message>>>>> + Send;
+    ) -> impl Future<Output = Result<Vec<Stored<Self::Message>>>> + Send;
+}
+
+/// A record as it was read.
+pub(crate) struct Stored<M> {
+    /// Its place in the log.
+    pub(super) sequence: i64,
+    /// What it says; an error where that is damaged.
+    pub(super) entry: Result<Arc<Entry<M>>>,
 }
 
 /// The newest records of a log.
 #[derive(Debug)]
 pub(crate) struct Recent<L: Log> {
     kept: Mutex<Kept<L::Message>>,
+    /// Counts records that were passed over.
+    unreadable: IntCounter,
 }
 
 #[derive(Debug)]
@@ -106,10 +120,22 @@ struct Found<M> {
 }
 
 impl<L: Log> Recent<L> {
-    /// Records from the newest of the store on.
-    pub(crate) fn new(store: &Store) -> Self {
+    /// Records from the newest of the store on; `unreadable` counts those that cannot be read.
+    pub(crate) fn new(store: &Store, unreadable: IntCounter) -> Self {
         let newest = *L::newest(store).borrow();
-        Self { kept: Mutex::new(Kept { from: newest, to: newest, entries: VecDeque::new() }) }
+        Self { kept: Mutex::new(Kept { from: newest, to: newest, entries: VecDeque::new() }), unreadable }
+    }
+
+    /// What can be read. A damaged record is said and passed over: it must not keep those who watch from the ones behind it.
+    fn readable(&self, read: Vec<Stored<L::Message>>) -> impl Iterator<Item = Arc<Entry<L::Message>>> {
+        read.into_iter().filter_map(|Stored { sequence, entry }| match entry {
+            Ok(entry) => Some(entry),
+            Err(error) => {
+                tracing::error!(sequence, %error, "one of the {} cannot be read, and is passed over", L::RECORDS);
+                self.unreadable.inc();
+                None
+            }
+        })
     }
 
     /// At most a page of records behind `after`; `None` where they are not kept. `newest` is the newest one that is
@@ -128,10 +154,10 @@ impl<L: Log> Recent<L> {
             *kept = Kept { from: oldest, to: oldest, entries: VecDeque::new() };
         }
         while kept.to < newest {
-            let entries = L::read(store, kept.to, LogFilter::default(), PAGE).await?;
+            let read = L::read(store, kept.to, LogFilter::default(), PAGE).await?;
             // Places have gaps where a write was taken back.
-            kept.to = entries.last().map_or(newest, |last| last.sequence);
-            kept.entries.extend(entries);
+            kept.to = read.last().map_or(newest, |last| last.sequence);
+            kept.entries.extend(self.readable(read));
             let surplus = kept.entries.len().saturating_sub(KEPT);
             for _ in 0..surplus {
                 if let Some(passed) = kept.entries.pop_front() {
@@ -177,25 +203,44 @@ impl<L: Log> LogWatch<L> {
     /// The next record; `None` when the store was closed.
     pub(crate) async fn next(&mut self) -> Result<Option<Arc<Entry<L::Message>>>> {
         loop {
-            if let Some(entry) = self.read.pop_front() {
+            if let Some(entry) = self.pop() {
                 return Ok(Some(entry));
             }
-            let newest = *self.newest.borrow_and_update();
-            if newest > self.after {
-                if let Some(found) = self.recent.after(&self.store, self.after, newest, self.filter).await? {
-                    self.after = found.to.max(self.after);
-                    self.read.extend(found.entries);
-                    continue;
-                }
-                let entries = L::read(&self.store, self.after, self.filter, PAGE).await?;
-                // Records of others are passed over; a full page may not reach the newest one.
-                let last = entries.last().map_or(newest, |entry| entry.sequence);
-                self.after = if entries.len() < PAGE as usize { last.max(newest) } else { last };
-                self.read.extend(entries);
-            } else if self.newest.changed().await.is_err() {
+            if !self.is_ready().await {
                 return Ok(None);
             }
+            self.fill().await?;
         }
+    }
+
+    /// Waits until the log has records that were not handed on; `false` when the store was closed.
+    pub(crate) async fn is_ready(&mut self) -> bool {
+        let after = self.after;
+        !self.read.is_empty() || self.newest.wait_for(|newest| *newest > after).await.is_ok()
+    }
+
+    /// Reads a page of what there is by now, unless there is some left to hand on.
+    pub(crate) async fn fill(&mut self) -> Result<()> {
+        let newest = *self.newest.borrow_and_update();
+        if !self.read.is_empty() || newest <= self.after {
+            return Ok(());
+        }
+        if let Some(found) = self.recent.after(&self.store, self.after, newest, self.filter).await? {
+            self.after = found.to.max(self.after);
+            self.read.extend(found.entries);
+            return Ok(());
+        }
+        let read = L::read(&self.store, self.after, self.filter, PAGE).await?;
+        // Records of others are passed over; a full page may not reach the newest one.
+        let last = read.last().map_or(newest, |last| last.sequence);
+        self.after = if read.len() < PAGE as usize { last.max(newest) } else { last };
+        self.read.extend(self.recent.readable(read));
+        Ok(())
+    }
+
+    /// The next record of those that were read.
+    pub(crate) fn pop(&mut self) -> Option<Arc<Entry<L::Message>>> {
+        self.read.pop_front()
     }
 
     /// The messages of the records, without end.

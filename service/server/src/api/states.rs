@@ -1,6 +1,7 @@
 //! What machines do now: read, listed, watched.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use feedwave_contract::names;
 use feedwave_contract::proto::{
@@ -12,7 +13,7 @@ use futures_util::{Stream, stream};
 
 use super::{Api, page_request};
 use crate::error::{Error, Result, Violations};
-use crate::floor::FloorReader;
+use crate::floor::{FloorReader, Shown};
 
 fn unknown(id: &str) -> Error {
     Error::NotFound { kind: "machine".to_owned(), name: names::machine(id) }
@@ -24,9 +25,13 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub fn get_machine_state(&self, request: &GetStateRequest) -> Result<GetStateResponse> {
-        let id = names::parse_machine(&request.name).map_err(|error| Error::invalid("name", error.to_string()))?;
-        let shown = self.floor().state(id).ok_or_else(|| unknown(id))?;
-        Ok(GetStateResponse { state: Some(shown.state.clone()) })
+        Ok(GetStateResponse { state: Some(self.shown(&request.name)?.state.clone()) })
+    }
+
+    /// What a machine does now, with the texts that all readers share.
+    pub(crate) fn shown(&self, name: &str) -> Result<Arc<Shown>> {
+        let id = names::parse_machine(name).map_err(|error| Error::invalid("name", error.to_string()))?;
+        self.floor().state(id).ok_or_else(|| unknown(id))
     }
 
     /// Lists what machines do now.
@@ -34,6 +39,15 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub fn list_states(&self, request: ListStatesRequest) -> Result<ListStatesResponse> {
+        let page = self.list_shown(request)?;
+        Ok(ListStatesResponse {
+            states: page.items.iter().map(|shown| shown.state.clone()).collect(),
+            next_page_token: page.next_token.unwrap_or_default(),
+        })
+    }
+
+    /// A page of what machines do now, with the texts that all readers share.
+    pub(crate) fn list_shown(&self, request: ListStatesRequest) -> Result<Page<Arc<Shown>>> {
         let mut violations = Violations::default();
         let page = page_request(&mut violations, request.page_size, request.page_token);
         violations.finish()?;
@@ -44,11 +58,7 @@ impl Api {
         };
         let size = page.bounded_size();
         let states = self.floor().states(after.as_deref(), size + 1);
-        let page = Page::cut(states, size, |last| scope.token(last.machine_id().as_bytes()));
-        Ok(ListStatesResponse {
-            states: page.items.iter().map(|shown| shown.state.clone()).collect(),
-            next_page_token: page.next_token.unwrap_or_default(),
-        })
+        Ok(Page::cut(states, size, |last| scope.token(last.machine_id().as_bytes())))
     }
 
     /// States of machines as they change, without end.

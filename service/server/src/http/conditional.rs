@@ -15,7 +15,7 @@ pub(crate) struct Tagged {
 
 impl Tagged {
     /// A body of JSON.
-    pub(super) fn new(body: impl Into<Bytes>) -> Self {
+    pub(crate) fn new(body: impl Into<Bytes>) -> Self {
         Self::of_type(body, HeaderValue::from_static("application/json"))
     }
 
@@ -43,7 +43,7 @@ impl Tagged {
 }
 
 /// JSON with its entity tag, or 304 where the client has it already.
-pub(super) fn response(request: &HeaderMap, body: String) -> Response {
+pub(super) fn response(request: &HeaderMap, body: impl Into<Bytes>) -> Response {
     Tagged::new(body).response(request)
 }
 

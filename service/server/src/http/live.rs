@@ -3,6 +3,7 @@
 //! Invariant: nothing is queued for a client. A stream knows how far it is in each log and which states it has told of;
 //! what is next is looked up when the connection can take it, so that a slow client costs no more than a quick one.
 
+use std::hash::{BuildHasher as _, RandomState};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
@@ -14,10 +15,10 @@ use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::IntoResponse as _;
 use bytes::Bytes;
 use feedwave_contract::names;
-use futures_util::stream;
+use futures_util::{FutureExt as _, stream};
 use http_body::{Frame, SizeHint};
 use serde_json::json;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::{Instant, sleep, sleep_until};
 use tokio_util::sync::CancellationToken;
 
 use super::query::Query;
@@ -25,12 +26,16 @@ use super::{Answer, HttpState};
 use crate::api::{Api, DecisionLog, EventLog, LogFilter, LogWatch};
 use crate::connections::Unread;
 use crate::error::{Error, Result};
-use crate::floor::{Changes, FloorReader};
+use crate::floor::{Changes, FloorReader, STATE_INTERVAL};
 
 /// How long a client waits before it asks again, ms.
 const RETRY_MS: u32 = 2_000;
 /// Records that a client may be behind and still has told one by one; who is further behind reads the lists.
 const MOST_BEHIND: i64 = 10_000;
+/// How often a stream says something at most: what comes meanwhile is said together.
+const PACE: Duration = Duration::from_millis(100);
+/// Bytes that are said together, about. Who has more to be told does not wait.
+const MOST_TOGETHER: usize = 64 << 10;
 /// The header of a client that comes back.
 const LAST_EVENT_ID: &str = "last-event-id";
 
@@ -67,6 +72,18 @@ struct Live {
     greeting: Option<String>,
     /// When the last words were sent.
     sent_at: Instant,
+    /// When the stream began.
+    begun: Instant,
+    /// Where its turns are in the time of [`PACE`]: streams that hear the same bell do not all write at the same moment.
+    phase: Duration,
+    /// There was more than is said together.
+    is_behind: bool,
+}
+
+/// How long it is to the next turn of a stream.
+fn to_turn(elapsed: Duration, phase: Duration) -> Duration {
+    let since = (elapsed + PACE - phase).as_nanos() % PACE.as_nanos();
+    PACE - Duration::from_nanos(u64::try_from(since).unwrap_or(0))
 }
 
 impl Live {
@@ -81,11 +98,15 @@ impl Live {
         let mut live = Self {
             events: LogWatch::new(store, &api.recent_events, Some(from.events), filter),
             decisions: LogWatch::new(store, &api.recent_decisions, Some(from.decisions), filter),
-            floor: api.floor().reader(None),
+            // Its turns are to fit in whatever the clock makes of them.
+            floor: api.floor().reader(None).every(STATE_INTERVAL - PACE / 2),
             draining: api.engine.draining().clone(),
             heartbeat,
             greeting: None,
             sent_at: Instant::now(),
+            begun: Instant::now(),
+            phase: PACE.mul_f64(f64::from(RandomState::new().hash_one(()) as u32) / f64::from(u32::MAX)),
+            is_behind: false,
         };
         // Who reads comments knows by this how long a silence is none.
         let heartbeat_s = heartbeat.as_secs();
@@ -113,29 +134,58 @@ impl Live {
         if let Some(greeting) = self.greeting.take() {
             return Ok(Some(greeting.into()));
         }
-        let silent_until = self.sent_at + self.heartbeat;
-        let (kind, json) = tokio::select! {
-            biased;
-            () = self.draining.cancelled() => return Ok(None),
-            event = self.events.next() => match event? {
-                Some(event) => ("job", event.json().to_owned()),
-                None => return Ok(None),
-            },
-            decision = self.decisions.next() => match decision? {
-                Some(decision) => ("decision", decision.json().to_owned()),
-                None => return Ok(None),
-            },
-            changes = self.floor.next() => return Ok(changes.map(|changes| states(&changes))),
-            // With its place: what a client was not to see it need not be asked about again.
-            () = sleep_until(silent_until) => return Ok(Some(format!(":\nid: {}\n\n", self.id()).into())),
-        };
-        Ok(Some(format!("id: {}\nevent: {kind}\ndata: {json}\n\n", self.id()).into()))
+        loop {
+            let silent_until = self.sent_at + self.heartbeat;
+            let goes_on = tokio::select! {
+                biased;
+                () = self.draining.cancelled() => false,
+                is_open = self.events.is_ready() => is_open,
+                is_open = self.decisions.is_ready() => is_open,
+                is_open = self.floor.is_ready() => is_open,
+                // With its place: what a client was not to see it need not be asked about again.
+                () = sleep_until(silent_until) => return Ok(Some(format!(":\nid: {}\n\n", self.id()).into())),
+            };
+            if !goes_on {
+                return Ok(None);
+            }
+            if !self.is_behind {
+                sleep(to_turn(self.begun.elapsed(), self.phase)).await;
+            }
+            let words = self.news().await?;
+            if !words.is_empty() {
+                return Ok(Some(words.into()));
+            }
+        }
+    }
+
+    /// What there is to be said now. The texts are those that all streams share.
+    async fn news(&mut self) -> Result<Vec<u8>> {
+        let mut text = Vec::new();
+        self.events.fill().await?;
+        while let Some(event) = (text.len() < MOST_TOGETHER).then(|| self.events.pop()).flatten() {
+            self.record(&mut text, "job", event.json());
+        }
+        self.decisions.fill().await?;
+        while let Some(decision) = (text.len() < MOST_TOGETHER).then(|| self.decisions.pop()).flatten() {
+            self.record(&mut text, "decision", decision.json());
+        }
+        self.is_behind = text.len() >= MOST_TOGETHER;
+        if self.floor.is_ready().now_or_never() == Some(true) {
+            states(&self.floor.changes(), &mut text);
+        }
+        Ok(text)
+    }
+
+    fn record(&self, text: &mut Vec<u8>, kind: &str, json: &str) {
+        let head = format!("id: {}\nevent: {kind}\ndata: ", self.id());
+        for part in [&head, json, "\n\n"] {
+            text.extend_from_slice(part.as_bytes());
+        }
     }
 }
 
 /// States as events. They have no id: who comes back is told the newest ones anyway.
-fn states(changes: &Changes) -> Bytes {
-    let mut text = Vec::new();
+fn states(changes: &Changes, text: &mut Vec<u8>) {
     for shown in &changes.states {
         text.extend_from_slice(b"event: state\ndata: ");
         text.extend_from_slice(shown.json());
@@ -145,7 +195,6 @@ fn states(changes: &Changes) -> Bytes {
         let gone = json!({ "machine": names::machine(id) });
         text.extend_from_slice(format!("event: gone\ndata: {gone}\n\n").as_bytes());
     }
-    text.into()
 }
 
 /// `GET /v1/stream`
@@ -248,6 +297,15 @@ mod tests {
         for text in ["", "7", "7-", "-7", "+7-1", "7-12-1", "7--12", "a-b", "99999999999999999999-1"] {
             assert_eq!(Cursor::parse(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn turns_are_as_far_apart_as_they_should_be_and_each_stream_has_its_own() {
+        let ms = Duration::from_millis;
+        for (elapsed, phase, expected) in [(0, 0, 100), (0, 30, 30), (29, 30, 1), (30, 30, 100), (131, 30, 99)] {
+            assert_eq!(to_turn(ms(elapsed), ms(phase)), ms(expected), "{elapsed} {phase}");
+        }
+        assert_eq!(to_turn(ms(0), PACE), PACE);
     }
 
     #[test]

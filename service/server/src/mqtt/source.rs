@@ -8,6 +8,7 @@ use bytes::Bytes;
 use feedwave_contract::names;
 use feedwave_contract::proto::Decision;
 use feedwave_store::Store;
+use prometheus::IntCounter;
 use tokio::time::{Instant, sleep_until};
 use uuid::Uuid;
 
@@ -118,6 +119,8 @@ pub(super) struct Decisions {
     topic: String,
     log: LogWatch<DecisionLog>,
     store: Store,
+    /// Counts decisions that were passed over.
+    unreadable: IntCounter,
     machines: HashMap<Uuid, String>,
     /// The one whose machine is being looked up.
     next: Option<Arc<LogEntry<Decision>>>,
@@ -125,9 +128,9 @@ pub(super) struct Decisions {
 }
 
 impl Decisions {
-    pub(super) fn new(log: LogWatch<DecisionLog>, store: Store, config: &MqttConfig) -> Self {
+    pub(super) fn new(log: LogWatch<DecisionLog>, store: Store, unreadable: IntCounter, config: &MqttConfig) -> Self {
         let topic = config.decision_topic.clone();
-        Self { topic, log, store, machines: HashMap::new(), next: None, not_before: None }
+        Self { topic, log, store, unreadable, machines: HashMap::new(), next: None, not_before: None }
     }
 
     /// The next one; never, where there will be none. A wait that is given up has passed nothing over.
@@ -163,6 +166,12 @@ impl Decisions {
                 }
                 // Deleted with its decisions.
                 Err(Error::NotFound { .. }) => {}
+                // Those behind it do not wait for what will never be readable.
+                Err(error @ (Error::Damaged(_) | Error::Internal(_))) => {
+                    let sequence = entry.sequence;
+                    tracing::error!(sequence, %error, "the machine of a decision is not known: the decision is not published");
+                    self.unreadable.inc();
+                }
                 Err(error) => {
                     self.next = Some(entry);
                     return Err(error);

@@ -71,6 +71,8 @@ pub struct Metrics {
     pub store_writes: IntCounter,
     /// Writes waiting for the writer.
     pub store_write_queue: IntGauge,
+    /// Records of logs that could not be read, and were passed over.
+    pub unreadable_records: IntCounter,
     /// Bytes that the store takes, free space within it included.
     pub store_bytes: IntGauge,
     /// Records removed since they were kept no longer, by kind.
@@ -165,6 +167,10 @@ impl Metrics {
             store_commit_seconds: registrar
                 .seconds("feedwave_store_commit_seconds", "Time of a writing transaction to its durable end."),
             store_writes: registrar.counter("feedwave_store_writes_total", "Writes committed."),
+            unreadable_records: registrar.counter(
+                "feedwave_unreadable_records_total",
+                "Records of logs that could not be read, and were passed over.",
+            ),
             store_write_queue: registrar.gauge("feedwave_store_write_queue", "Writes waiting for the writer."),
             store_bytes: registrar
                 .gauge("feedwave_store_bytes", "Bytes that the store takes, free space within it included."),
