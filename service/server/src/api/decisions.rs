@@ -42,9 +42,10 @@ impl Log for DecisionLog {
 /// A stored decision.
 ///
 /// # Errors
-/// [`Error::Internal`] when it cannot be read.
+/// [`Error::Damaged`] when it cannot be read.
 pub(crate) fn decision_from_record(record: &DecisionRecord) -> Result<Decision> {
-    let mut decision = decision_from_stored(record.body.clone()).map_err(Error::internal)?;
+    let damaged = |error| Error::Damaged(format!("decision {} of run {}: {error}", record.number, record.run_id));
+    let mut decision = decision_from_stored(record.body.clone()).map_err(damaged)?;
     name_decision(&mut decision, record);
     Ok(decision)
 }
