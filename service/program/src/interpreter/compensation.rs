@@ -173,6 +173,22 @@ impl Execution<'_> {
         nose
     }
 
+    /// `D` without `G41` and `G42`: FANUC and Haas mills keep the number for the next of them, as posts write it beside the tool's
+    /// length. `false` where it would change the contour that is on, and beside `G96`, where other controls read a speed.
+    #[cold]
+    pub(super) fn keeps_offset_number(&mut self) -> bool {
+        let Some(word) = self.block.word(b'D').copied() else { return false };
+        if self.settings.dialect != DialectName::Mill || self.code(Group::SpeedMode).is_some() {
+            return false;
+        }
+        let Some(number) = self.whole(&word) else { return true };
+        let is_kept = self.state.compensation.on.is_none() || self.state.compensation.number == Some(number);
+        if is_kept {
+            self.state.compensation.number = Some(number);
+        }
+        is_kept
+    }
+
     /// The tool offset of this number, if it has a radius.
     fn nose_by_number(&self, number: u32) -> Option<Nose> {
         let offset = self.tool_row(number)?;

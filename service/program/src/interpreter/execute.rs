@@ -433,6 +433,9 @@ impl Execution<'_> {
         if unused == 0 || self.block.unclear {
             return;
         }
+        if unused & letter_bit(b'D') != 0 && self.keeps_offset_number() {
+            unused &= !letter_bit(b'D');
+        }
         while unused != 0 {
             let place = unused.trailing_zeros() as usize;
             unused &= unused - 1;

@@ -8,7 +8,7 @@
 use super::execute::Execution;
 use crate::block::Word;
 use crate::code;
-use crate::dialect::{Group, Meaning};
+use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{LengthCompensation, Motion, ToolMode};
 use crate::{Axis, AxisSet, Finding, Position, SourceSpan, ToolOffset};
 
@@ -18,10 +18,21 @@ impl Execution<'_> {
         match self.code(Group::LengthCompensation) {
             Some((Meaning::LengthCompensation { negative }, span)) => self.length_on(negative, span),
             Some((Meaning::LengthOffset { adds }, span)) => self.length_offset_words(adds, span),
-            Some((Meaning::ToolControlOff, span)) if self.state.length.is_on => {
-                self.switch_length(LengthCompensation::default(), span);
+            Some((Meaning::ToolControlOff, span)) => {
+                self.no_length_word();
+                if self.state.length.is_on {
+                    self.switch_length(LengthCompensation::default(), span);
+                }
             }
             _ => {}
+        }
+    }
+
+    /// `G49 H0`, as posts write it: the offset 0 is none. In LinuxCNC `G49` has no words.
+    fn no_length_word(&mut self) {
+        let is_none = self.block.word(b'H').is_some_and(|word| word.number.value() == 0.0);
+        if is_none && !self.is_linuxcnc_dialect() {
+            self.used |= letter_bit(b'H');
         }
     }
 

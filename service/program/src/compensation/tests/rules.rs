@@ -365,6 +365,15 @@ fn d_names_radius_and_wear_of_a_mill() {
     assert_eq!(with("G41 D2 G1 X0 Y-10 F100\nY20\nG40 X-20"), ["PRG-COMP-NUMBER"]);
     assert_eq!(with("G41 D1 G1 X0 Y-10 F100\nY20\nG40 X-20"), ["PRG-COMP-PLANE"]);
     assert_eq!(with("G41 D7 G1 X0 Y-10 F100\nY20"), ["PRG-COMP-UNFINISHED"]);
+    // It may come before, as beside the tool's length, and is kept by mills; on the contour it may not change.
+    let before = "G0 X-20 Y-20 D7\nG41 G1 X0 Y-10 F100\nY20\nX30 D7\nY0\nG40 D0 X50 Y-10";
+    let (operations, findings) = with_tools(LanguageSettings::mill(), before);
+    assert!(!findings.has_errors(), "{:?}", findings.findings());
+    assert_xy(&operations, &expected);
+    assert_eq!(with("G43 H2 D7\nG41 G1 X0 Y-10 F100\nY20\nG40 X-20"), [""; 0]);
+    assert_eq!(with("G41 D7 G1 X0 Y-10 F100\nY20 D1\nG40 X-20"), ["PRG-WORD-UNUSED"]);
+    assert_eq!(with("G0 X-20 D1.5"), ["PRG-NUMBER-NOT-WHOLE"]);
+    assert_eq!(codes(&with_tools(LanguageSettings::linuxcnc(), "G0 X-20 D7").1, Severity::Error), ["PRG-WORD-UNUSED"]);
 }
 
 #[test]

@@ -66,6 +66,9 @@ fn contradictions_are_refused() {
     );
     // H is modal while the compensation is on, but no word of a block without it.
     check(&mill(), "G43 H1\nG43\nH2", "! 3:1+2 PRG-WORD-UNUSED");
+    // The offset 0 is none; another number contradicts G49, and LinuxCNC knows neither.
+    check(&mill(), "G49 H0\nG43 H1\nG49 H0\nG49 H1", "! 4:5+2 PRG-WORD-UNUSED");
+    check(&linuxcnc(), "G49 H0", "! 1:5+2 PRG-WORD-UNUSED");
     check(&mill(), "G43 H1\nG43.4 H1", "! 2:1+5 PRG-TOOL-CONTROL-NESTED");
     check(&mill(), "G43.4 H1\nG43 H1", "! 2:1+3 PRG-TOOL-CONTROL-NESTED");
     check(&mill(), "G43 G49 H1", "! 1:5+3 PRG-GROUP-CONFLICT");
