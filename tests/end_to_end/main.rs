@@ -20,6 +20,7 @@ mod following;
 mod guided_curves;
 mod hostile;
 mod identity_provider;
+mod improve;
 mod jobs;
 mod learning;
 mod lifecycle;

@@ -55,6 +55,21 @@ def test_a_fixed_program_is_valid(client):
     assert not again.findings and again.sections[0].chip.broken
 
 
+def test_a_program_is_improved_with_reasons_and_gains(client):
+    improvement = client.improve(TRAP, machine="lathe")
+    assert improvement.holds and improvement.after.ok and improvement.after.sections[0].broken_share == 1.0
+    assert [(change.old, change.new) for change in improvement.changes] == [("F50", "F41.65")]
+    assert improvement.program.text == TRAP.read_text().replace("F50 A0.03", "F41.65 A0.03")
+    changed = [line for line in improvement.diff().splitlines() if line[0] in "+-"]
+    assert changed[2:] == ["-G200 F50 A0.03", "+G200 F41.65 A0.03"]
+    assert "F50 becomes F41.65" in str(improvement) and "margin" in str(improvement)
+    bad = client.improve(BAD, machine="lathe")
+    assert not bad.holds and not bad.steps and bad.before.errors and bad.program.read() == BAD.read_bytes()
+    with pytest.raises(feedwave.InvalidArgument) as refused:
+        client.improve(TRAP, machine="lathe", goals={"margin": 0.1})
+    assert refused.value.violations[0].field == "goals.margin"
+
+
 def test_a_profile_and_settings_go_with_a_validation(client):
     machine = client.call("Machines/GetMachine", machines_pb2.GetMachineRequest(name="machines/lathe"), machines_pb2.GetMachineResponse)
     profile = machine.machine.profile

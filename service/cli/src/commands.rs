@@ -62,12 +62,13 @@ pub enum Command {
     /// Shows everything found, each finding under its source line with the suggested cure, then for every section with
     /// vibration along the path whether the chip breaks and whether the machine can follow, then times and extents.
     Validate(validate::Args),
-    /// Find vibrations that break every chip, and change the program to them
+    /// Change a program so that every chip breaks, and that it takes less time
     ///
     /// For every block that switches vibration along the path on, finds the frequency with which the least amplitude breaks every
     /// chip of its sections: with a margin, up to the largest feed override, within a tolerance of the spindle speed, and within
-    /// the limits of the axes. Writes the changed words as a unified diff, and says each change's reason and gain; what comes
-    /// out is validated again. The program itself is never written.
+    /// the limits of the axes. Threading passes get the amplitude or phase that their findings name; feeds, spindle speeds and
+    /// tolerances change only where an option permits it. Writes the changed words as a unified diff, and says each change's
+    /// reason and gain; what comes out is validated again. The program itself is never written.
     Improve(improve::Args),
     /// Turn a program into a file of setpoints, and into pictures
     ///

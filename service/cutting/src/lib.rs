@@ -10,6 +10,7 @@
 
 mod frame;
 mod functions;
+mod improvement;
 mod shared;
 
 pub use frame::interpretation::{Interpretation, InterpretationStep};
@@ -33,6 +34,10 @@ pub use functions::thinning::{DroppedRun, MethodFigures, ProgramThinning};
 // By name: the codes of one function must not hide those of all.
 pub use functions::code;
 pub use functions::*;
+pub use improvement::{
+    Improvement, ImprovementFigure, ImprovementGoals, ImprovementKind, ImprovementOutcome, ImprovementStep,
+    MAX_IMPROVED_BYTES, Surroundings, WordChange, improve,
+};
 pub use shared::cut::Cut;
 pub use shared::following::{AxisDrive, AxisFollowing, DriveModel, FollowingContour, FollowingModel};
 pub use shared::setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock, setpoint_index_at};

@@ -4,6 +4,7 @@
 
 mod active;
 mod columns;
+mod improvement;
 mod interpretation;
 mod live;
 mod rebuild;

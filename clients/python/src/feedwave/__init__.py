@@ -37,6 +37,7 @@ from .errors import (
     Violation,
 )
 from .events import Acknowledged, Decision, Ended, Event, FeedChange, Refused, SpindleRequest
+from .improvement import Improvement
 from .program import Program
 from .report import Cure, Finding, Place, Report, Severity, Value
 from .setpoints import Override, Setpoints
@@ -61,6 +62,7 @@ __all__ = [
     "FailedPrecondition",
     "FeedChange",
     "Finding",
+    "Improvement",
     "Internal",
     "InvalidArgument",
     "Job",

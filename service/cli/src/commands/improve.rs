@@ -3,28 +3,25 @@
 //! Invariants: only words in their place change; what comes out is validated again, and a change that validation does not bear out
 //! is not made; what is not changed is said with its reason.
 
-mod edit;
-mod plan;
+mod diff;
 mod text;
 
-use std::collections::BTreeSet;
+use std::borrow::Cow;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 
-use feedwave_contract::convert::report_to_proto;
-use feedwave_cutting::{Frame, PipelineConfig, SearchGoals, ValidationReport};
+use feedwave_contract::convert::{improvement_goals_from_proto, improvement_to_proto, report_to_proto};
+use feedwave_contract::proto;
+use feedwave_contract::violations::Violations;
+use feedwave_cutting::{Frame, MAX_IMPROVED_BYTES, Surroundings};
+use feedwave_program::Place;
 
-use self::edit::{FunctionBlock, function_blocks};
-use self::plan::{Change, Outcome, Section};
 use super::machine::MachineArgs;
-use super::source::Source;
-use super::terminal::{Style, print_bytes, tell};
-use super::{CliError, EXIT_REFUSED, local, report};
-
-/// Longest program that is improved, bytes.
-const MAX_PROGRAM_BYTES: u64 = 64 << 20;
+use super::source::{IncludeArgs, Source};
+use super::terminal::{Style, print_bytes, print_json, tell};
+use super::validate::Format;
+use super::{CliError, EXIT_REFUSED, report};
 
 /// Arguments of `feedwave improve`.
 #[derive(Clone, Debug, clap::Args)]
@@ -38,6 +35,9 @@ Examples:
   feedwave improve --profile lathe-3.toml --out better.nc shaft.nc
       The whole program as well, in a file of its own.
   feedwave improve --margin 1.3 --speed-tolerance 3 --least-amplitude shaft.nc
+  feedwave improve --max-feed 0.25 --max-tolerance 0.02 shaft.nc
+      Thicker chips and a larger tolerance as well, where they save time.
+  feedwave improve --format json shaft.nc | jq '.steps[].reason'
   feedwave improve shaft.nc | patch shaft.nc"
 )]
 pub struct Args {
@@ -46,6 +46,8 @@ pub struct Args {
     file: PathBuf,
     #[command(flatten)]
     machine: MachineArgs,
+    #[command(flatten)]
+    include: IncludeArgs,
     /// How far beyond breaking every chip is to be: 2A·|sin πD| over the feed of a revolution, 1 to 10
     #[arg(long, value_name = "FACTOR", default_value = "1.1", value_parser = in_range(1.0, 10.0))]
     margin: f64,
@@ -62,6 +64,20 @@ pub struct Args {
     /// Lower amplitudes that are more than enough as well
     #[arg(long)]
     least_amplitude: bool,
+    /// Lowest and highest spindle speed in rev/min, such as 800:1200, to which the speed of a section may change whose chip breaks at
+    /// no frequency otherwise; of a speed that other cuts have as well it is changed for all of them [default: speeds stay]
+    #[arg(long, value_name = "LOW:HIGH", value_parser = frequencies)]
+    spindle_speed: Option<[f64; 2]>,
+    /// Largest chip thickness in mm: feeds of vibrating sections are raised up to it, at the largest feed override, as far as chips
+    /// break within the limits of the axes [default: feeds stay]
+    #[arg(long, value_name = "MM", value_parser = in_range(1e-4, 10.0))]
+    max_feed: Option<f64>,
+    /// Largest tolerance of the path in mm, to which tolerances (`G64 P`) are raised where that saves time [default: they stay]
+    #[arg(long, value_name = "MM", value_parser = in_range(1e-5, 10.0))]
+    max_tolerance: Option<f64>,
+    /// Form of the answer: a unified diff, or one JSON object with changes, reasons, gains and both reports
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
+    format: Format,
     /// File for the whole program with the changes; not the program itself
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -84,13 +100,37 @@ fn frequencies(text: &str) -> Result<[f64; 2], String> {
 }
 
 impl Args {
-    fn goals(&self, config: &PipelineConfig) -> SearchGoals {
-        SearchGoals {
-            margin: self.margin,
-            speed_tolerance: 0.01 * self.speed_tolerance,
-            max_feed_override: self.feed_override.map_or(config.profile.max_feed_override, |percent| 0.01 * percent),
-            frequency_hz: self.frequency,
+    /// What is wanted, as a client would state it.
+    fn goals(&self) -> proto::ImprovementGoals {
+        let (low, high) =
+            (|range: Option<[f64; 2]>| range.map(|it| it[0]), |range: Option<[f64; 2]>| range.map(|it| it[1]));
+        proto::ImprovementGoals {
+            margin: Some(self.margin),
+            speed_tolerance: Some(0.01 * self.speed_tolerance),
+            min_frequency_hz: low(self.frequency),
+            max_frequency_hz: high(self.frequency),
+            max_feed_override: self.feed_override.map(|percent| 0.01 * percent),
+            least_amplitude: self.least_amplitude,
+            min_spindle_rev_per_min: low(self.spindle_speed),
+            max_spindle_rev_per_min: high(self.spindle_speed),
+            max_feed_per_rev_mm: self.max_feed,
+            max_tolerance_mm: self.max_tolerance,
         }
+    }
+}
+
+/// Further program files of the program.
+struct FurtherFiles<'a>(&'a mut Source);
+
+impl Surroundings for FurtherFiles<'_> {
+    type Error = CliError;
+
+    fn further(&mut self, place: Place) -> Result<Cow<'_, [u8]>, CliError> {
+        self.0.read(place).map(Cow::Borrowed)
+    }
+
+    fn step(&mut self) -> Result<(), CliError> {
+        Ok(())
     }
 }
 
@@ -102,75 +142,36 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
     if args.out.as_deref().is_some_and(|out| is_same_file(out, &args.file)) {
         return Err(CliError::trouble("--out: is the program itself; changes are made in a copy"));
     }
-    let mut source = Source::open(&args.file)?;
-    let config = args.machine.config(Frame::Machine, Arc::new([]))?;
+    let mut source = args.include.open(&args.file)?;
+    let config = args.machine.config(Frame::Machine, source.further_names())?;
     let program = read(&mut source)?;
-    let before = local::validate(&mut source, Arc::clone(&config), |_| {})?;
-    if !before.is_accepted() {
-        tell(&report::text(&report_to_proto(&before), &mut source, Style::stderr())?);
+    let mut violations = Violations::default();
+    let requested = improvement_goals_from_proto(&mut violations, "goals", Some(&args.goals()));
+    violations.finish().map_err(|violations| CliError::trouble(violations.to_string()))?;
+    let goals = requested.on(&config.profile);
+    let improvement = feedwave_cutting::improve(&program, &config, &goals, &mut FurtherFiles(&mut source))?;
+    let shown = improvement_to_proto(&improvement, &goals);
+    if args.format == Format::Json {
+        print_json(&shown)?;
+    }
+    if !improvement.before.is_accepted() {
+        tell(&report::text(&report_to_proto(&improvement.before), &mut source, Style::stderr())?);
         tell("nothing is improved in a program with errors\n");
         return Ok(ExitCode::from(EXIT_REFUSED));
     }
-    let blocks = function_blocks(&program, &config);
-    let goals = args.goals(&config);
-    let sections = plan::sections(&before, &blocks, &config, &goals, args.least_amplitude);
-    let Improved { sections, program: improved, after } =
-        settle(sections, &before, &program, &source.name, &config, &goals)?;
-    let changed: Vec<&Change> = sections.iter().flat_map(Section::changes).collect();
-    print_bytes(&edit::diff(&program, &improved, &source.name))?;
+    if args.format == Format::Text {
+        print_bytes(&diff::diff(&program, &improvement.program, &source.name))?;
+    }
     if let Some(out) = &args.out {
-        write(out, &improved)?;
+        write(out, &improvement.program)?;
     }
-    tell(&text::report(&sections, &before, &after, &goals, changed.len()));
-    let holds = sections.iter().all(|section| !matches!(section.outcome, Outcome::NotPossible(_)))
-        && text::not_judged(&before) == 0;
-    Ok(if holds { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
-}
-
-/// What came of it.
-struct Improved {
-    sections: Vec<Section>,
-    program: Vec<u8>,
-    after: ValidationReport,
-}
-
-/// Makes the changes and validates what comes out; changes that validation does not bear out are taken back, until all that are
-/// left hold together.
-fn settle(
-    mut sections: Vec<Section>,
-    before: &ValidationReport,
-    program: &[u8],
-    name: &str,
-    config: &Arc<PipelineConfig>,
-    goals: &SearchGoals,
-) -> Result<Improved, CliError> {
-    loop {
-        let changes: Vec<&Change> = sections.iter().flat_map(Section::changes).collect();
-        let improved = edit::apply(program, &changes);
-        let mut source = Source::of_bytes(name, &improved)?;
-        let after = local::validate(&mut source, Arc::clone(config), |_| {})?;
-        let mut taken_back = false;
-        for section in &mut sections {
-            if let Some(reason) = section.fault(before, &after, goals) {
-                section.outcome = Outcome::NotPossible(reason);
-                taken_back = true;
-            }
-        }
-        if !taken_back && !after.is_accepted() {
-            // What is wrong belongs to no section: nothing is changed.
-            for section in &mut sections {
-                taken_back |= section.take_back("the program as a whole would be refused with it");
-            }
-        }
-        if !taken_back {
-            return Ok(Improved { sections, program: improved, after });
-        }
-    }
+    tell(&text::report(&shown));
+    Ok(if improvement.holds() { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
 }
 
 fn read(source: &mut Source) -> Result<Vec<u8>, CliError> {
-    if source.size > MAX_PROGRAM_BYTES {
-        let message = format!("{}: has {} bytes; at most {MAX_PROGRAM_BYTES} are improved", source.name, source.size);
+    if source.size > MAX_IMPROVED_BYTES {
+        let message = format!("{}: has {} bytes; at most {MAX_IMPROVED_BYTES} are improved", source.name, source.size);
         return Err(CliError::trouble(message));
     }
     source.rewind()?;
@@ -181,7 +182,7 @@ fn read(source: &mut Source) -> Result<Vec<u8>, CliError> {
             piece => program.extend_from_slice(piece),
         }
         // A file may grow while it is read.
-        if program.len() as u64 > MAX_PROGRAM_BYTES {
+        if program.len() as u64 > MAX_IMPROVED_BYTES {
             return Err(CliError::trouble(format!("{}: grows while it is read", source.name)));
         }
     }
@@ -197,16 +198,4 @@ fn write(path: &Path, program: &[u8]) -> Result<(), CliError> {
     let failed = |error: std::io::Error| CliError::file(path, &error);
     let mut file = std::fs::File::create(path).map_err(failed)?;
     file.write_all(program).and_then(|()| file.sync_all()).map_err(failed)
-}
-
-/// Lines on which something is switched on more than once cannot be changed for one of them alone.
-fn unique_lines(blocks: &[FunctionBlock]) -> BTreeSet<u32> {
-    let mut seen = BTreeSet::new();
-    let mut twice = BTreeSet::new();
-    for block in blocks {
-        if !seen.insert(block.line) {
-            twice.insert(block.line);
-        }
-    }
-    &seen - &twice
 }

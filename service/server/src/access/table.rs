@@ -33,7 +33,7 @@ const MACHINE: Needs = Needs::Role(Role::Machine);
 const ADMIN: Needs = Needs::Role(Role::Admin);
 
 /// Every method of the contract, and of health and reflection.
-const METHODS: [(&str, Needs, Effect); 53] = [
+const METHODS: [(&str, Needs, Effect); 54] = [
     ("/feedwave.v1.Jobs/CreateJob", PLANNER, CHANGES),
     ("/feedwave.v1.Jobs/UploadProgram", PLANNER, CHANGES),
     ("/feedwave.v1.Jobs/GetUpload", PLANNER, READS),
@@ -52,6 +52,7 @@ const METHODS: [(&str, Needs, Effect); 53] = [
     ("/feedwave.v1.Programs/ReadProgram", VIEWER, READS),
     ("/feedwave.v1.Programs/DeleteProgram", PLANNER, CHANGES),
     ("/feedwave.v1.Programs/Interpret", VIEWER, READS),
+    ("/feedwave.v1.Programs/Improve", PLANNER, READS),
     ("/feedwave.v1.Setpoints/StreamSetpoints", VIEWER, READS),
     ("/feedwave.v1.Setpoints/GetPlanSummary", VIEWER, READS),
     ("/feedwave.v1.Threads/PlanThread", PLANNER, READS),
@@ -148,8 +149,20 @@ mod tests {
 
     #[test]
     fn what_only_reads_is_called_so() {
-        let verbs =
-            ["Get", "List", "Watch", "Read", "Stream", "Replay", "Interpret", "Compute", "Validate", "Plan", "Check"];
+        let verbs = [
+            "Get",
+            "List",
+            "Watch",
+            "Read",
+            "Stream",
+            "Replay",
+            "Interpret",
+            "Compute",
+            "Validate",
+            "Plan",
+            "Check",
+            "Improve",
+        ];
         for (path, _, effect) in METHODS {
             let name = path.rsplit('/').next().unwrap();
             let reads = verbs.iter().any(|verb| name.starts_with(verb)) || name == "ServerReflectionInfo";

@@ -9,13 +9,14 @@ use feedwave_contract::proto::programs_server::Programs;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
     DeleteProgramRequest, DeleteProgramResponse, GetProgramRequest, GetProgramResponse, GetUploadRequest,
-    GetUploadResponse, InterpretRequest, InterpretResponse, JobSettings, ListProgramsRequest, ListProgramsResponse,
-    ListUploadsRequest, ListUploadsResponse, Program, ProgramFile, ProgramsDeleteProgramRequest,
-    ProgramsDeleteProgramResponse, ReadProgramRequest, ReadProgramResponse, Upload, UploadChunk, UploadHeader,
-    UploadProgramRequest, UploadProgramResponse, interpret_request,
+    GetUploadResponse, ImproveRequest, ImproveResponse, InterpretRequest, InterpretResponse, JobSettings,
+    ListProgramsRequest, ListProgramsResponse, ListUploadsRequest, ListUploadsResponse, Program, ProgramFile,
+    ProgramsDeleteProgramRequest, ProgramsDeleteProgramResponse, ReadProgramRequest, ReadProgramResponse, Upload,
+    UploadChunk, UploadHeader, UploadProgramRequest, UploadProgramResponse, improve_request, interpret_request,
 };
+use feedwave_cutting::{MAX_IMPROVED_BYTES, PipelineConfig};
 use feedwave_store::{
-    CHUNK_BYTES, Kind, MAX_PAGE_SIZE, Page, ProgramEntry, ProgramId, Scope, StoreError, UploadInfo, UploadStart,
+    CHUNK_BYTES, Kind, MAX_PAGE_SIZE, Page, ProgramEntry, ProgramId, Scope, StoreError, Tenant, UploadInfo, UploadStart,
 };
 use futures_util::{Stream, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
@@ -61,6 +62,33 @@ fn check_file_name(violations: &mut Violations, field: &str, name: &str) {
 
 fn program_id(field: &str, name: &str) -> Result<ProgramId> {
     names::parse_program(name).map_err(|error| Error::invalid(field, error.to_string()))
+}
+
+/// What a request states of a program and its machine.
+struct Given {
+    tenant: Tenant,
+    config: PipelineConfig,
+    source: Source,
+    program_bytes: u64,
+}
+
+/// A request about a program as the one of Interpret, whose fields it has.
+fn as_interpretation(request: ImproveRequest) -> InterpretRequest {
+    let ImproveRequest { source, on, tools, programs, offsets, goals: _ } = request;
+    InterpretRequest {
+        source: source.map(|source| match source {
+            improve_request::Source::InlineProgram(program) => interpret_request::Source::InlineProgram(program),
+            improve_request::Source::Program(name) => interpret_request::Source::Program(name),
+            improve_request::Source::Job(name) => interpret_request::Source::Job(name),
+        }),
+        on: on.map(|on| match on {
+            improve_request::On::Machine(name) => interpret_request::On::Machine(name),
+            improve_request::On::Profile(profile) => interpret_request::On::Profile(profile),
+        }),
+        tools,
+        programs,
+        offsets,
+    }
 }
 
 impl Api {
@@ -204,7 +232,6 @@ impl Api {
         Ok(GetProgramResponse { program: Some(program_to_proto(entry)) })
     }
 
-    /// Reads the bytes of a program.
     /// The bytes of a program, in pieces.
     ///
     /// # Errors
@@ -246,8 +273,30 @@ impl Api {
 
     /// Begins to interpret a program.
     async fn start_interpretation(&self, request: InterpretRequest) -> Result<Actions> {
-        use interpret_request::{On, Source as From};
+        let Given { tenant, config, source, .. } = self.given(Violations::default(), request).await?;
+        self.engine.interpret(tenant, config, source)
+    }
+
+    /// Improves a program: the messages of the answer.
+    async fn start_improvement(
+        &self,
+        request: ImproveRequest,
+    ) -> Result<impl Stream<Item = Result<ImproveResponse>> + Send + 'static> {
         let mut violations = Violations::default();
+        let goals = convert::improvement_goals_from_proto(&mut violations, "goals", request.goals.as_ref());
+        let Given { tenant, config, source, program_bytes } =
+            self.given(violations, as_interpretation(request)).await?;
+        if program_bytes > MAX_IMPROVED_BYTES {
+            let reason = format!("has {program_bytes} bytes; at most {MAX_IMPROVED_BYTES} are improved");
+            return Err(Error::invalid("program", reason));
+        }
+        let goals = goals.on(&config.profile);
+        self.engine.improve(tenant, &self.caller.client(), config, program_bytes, source, goals)
+    }
+
+    /// What a request states of a program, with the violations that were found before.
+    async fn given(&self, mut violations: Violations, request: InterpretRequest) -> Result<Given> {
+        use interpret_request::{On, Source as From};
         if let Some(From::Job(job)) = &request.source {
             let states_more = request.on.is_some() || !request.tools.is_empty() || !request.programs.is_empty();
             if states_more || request.offsets.is_some() {
@@ -256,7 +305,8 @@ impl Api {
             violations.finish()?;
             let detail = self.store.job_detail(super::jobs::job_id("job", job)?).await?;
             let (config, source) = (engine::job_config(&detail)?, self.engine.job_source(&detail)?);
-            return self.engine.interpret(detail.job.tenant, config, source);
+            let program_bytes = self.store.program_info(detail.job.program_id).await?.size_bytes;
+            return Ok(Given { tenant: detail.job.tenant, config, source, program_bytes });
         }
         let mut inline_bytes = 0;
         let stored = match &request.source {
@@ -291,17 +341,19 @@ impl Api {
             (None, None) => return Err(Error::internal("a request was neither accepted nor refused")),
         };
         let tools = self.job_tools(&tools).await?;
-        let own = match (&request.source, stored) {
-            (Some(From::InlineProgram(program)), _) => File::Memory(program.clone()),
+        let (own, program_bytes) = match (&request.source, stored) {
+            (Some(From::InlineProgram(program)), _) => (File::Memory(program.clone()), program.len() as u64),
             (_, Some(id)) => {
                 let program = self.store.program_info(id).await?;
-                File::stored_of_size(self.store.of_all_tenants().clone(), program.id, program.size_bytes)
+                let store = self.store.of_all_tenants().clone();
+                (File::stored_of_size(store, program.id, program.size_bytes), program.size_bytes)
             }
             _ => return Err(Error::internal("a request was neither accepted nor refused")),
         };
         let (source, programs) = self.sources(own, &request.programs).await?;
         let settings = JobSettings { tools, programs, offsets: request.offsets, ..JobSettings::default() };
-        self.engine.interpret(self.caller.tenant(), convert::pipeline_config(profile, &settings), source)
+        let config = convert::pipeline_config(profile, &settings);
+        Ok(Given { tenant: self.caller.tenant(), config, source, program_bytes })
     }
 
     /// Checks the further program files of a request that has `inline_bytes` beside them.
@@ -497,6 +549,16 @@ impl Programs for Api {
         let api = self.called_by(request.extensions());
         let actions = api.start_interpretation(request.into_inner()).await?;
         let guarded = Guarded::new(actions, deadline).ends_with(self.engine.draining(), Error::Draining);
+        Ok(Response::new(Box::pin(guarded)))
+    }
+
+    type ImproveStream = ResponseStream<ImproveResponse>;
+
+    async fn improve(&self, request: Request<ImproveRequest>) -> Result<Response<Self::ImproveStream>, Status> {
+        let deadline = deadline(request.metadata().as_ref());
+        let api = self.called_by(request.extensions());
+        let messages = Box::pin(api.start_improvement(request.into_inner()).await?);
+        let guarded = Guarded::new(messages, deadline).ends_with(self.engine.draining(), Error::Draining);
         Ok(Response::new(Box::pin(guarded)))
     }
 }

@@ -12,7 +12,7 @@ import grpc.aio
 from google.protobuf.message import Message
 from typing_extensions import Self, Unpack
 
-from .. import _requests, _services
+from .. import _requests, _services, improvement
 from .._connection import Pem, Target, target
 from .._flow import Flow, Retries, call
 from .._ingest import Ingest
@@ -22,10 +22,12 @@ from .._names import resource
 from .._options import Machine, RunOptions, Said, Settings, StreamOptions, files_of, tools_of
 from .._telemetry import RECONNECT_FOR_S
 from ..events import Decision
+from ..improvement import Improvement
 from ..program import Program, ProgramSource
 from ..report import Report
 from ..setpoints import Override, Setpoints
 from ..v1 import (
+    improvement_pb2,
     jobs_pb2,
     learning_pb2,
     lobes_pb2,
@@ -108,6 +110,31 @@ class Client:
         """
         further = files_of(files)
         return await self._do(_requests.validate, Program.of(program), machine, tools_of(tools), further, settings, overrides)
+
+    async def improve(
+        self,
+        program: ProgramSource,
+        *,
+        machine: Machine,
+        tools: Iterable[str] = (),
+        files: Mapping[str, ProgramSource] | Iterable[ProgramSource] = (),
+        settings: Settings = Settings(),
+        goals: Said[improvement_pb2.ImprovementGoals] = {},
+    ) -> Improvement:
+        """Improves a program: words that make chips break, feeds and tolerances that save time, each with its reason and gain. Nothing is
+        stored.
+
+        Args:
+            program, machine, tools, files: as in `validate`.
+            settings: of these offsets matter.
+            goals: what is wanted (`feedwave.v1.improvement_pb2.ImprovementGoals`, or a mapping with its fields), such as
+                `{"margin": 1.2, "max_feed_per_rev_mm": 0.25}`; defaults without it.
+
+        Returns:
+            What came of it: the program, its changes, and reports before and after.
+        """
+        options = (Program.of(program), machine, tools_of(tools), files_of(files), settings, goals)
+        return await self._do(improvement.improve, *options)
 
     async def submit(
         self,

@@ -2,29 +2,27 @@
 
 use std::fmt::Write as _;
 
-use feedwave_contract::convert::report_to_proto;
-use feedwave_cutting::{FoundVibration, SearchGoals, ValidationReport};
+use feedwave_contract::proto::{
+    Improvement, ImprovementFigure, ImprovementGoals, ImprovementKind, ImprovementOutcome, ImprovementStep,
+    ValidationReport,
+};
 
-use super::plan::{Outcome, Section};
 use crate::commands::report::suggestions_of_motion;
 use crate::commands::terminal::{counted, number};
 
 /// The report.
-pub(super) fn report(
-    sections: &[Section],
-    before: &ValidationReport,
-    after: &ValidationReport,
-    goals: &SearchGoals,
-    changes: usize,
-) -> String {
-    let mut text = format!("{}\n", heading(sections, changes));
-    if !sections.is_empty() {
-        let _ = writeln!(text, "wanted: {}", wanted(goals));
+pub(super) fn report(improvement: &Improvement) -> String {
+    let (Some(before), Some(after)) = (&improvement.before, &improvement.after) else { return String::new() };
+    let mut text = format!("{}\n", heading(improvement));
+    let is_of_vibration =
+        |step: &ImprovementStep| matches!(step.kind(), ImprovementKind::Vibration | ImprovementKind::SpindleSpeed);
+    if let Some(goals) = improvement.goals.filter(|_| improvement.steps.iter().any(is_of_vibration)) {
+        let _ = writeln!(text, "wanted: {}", wanted(&goals));
     }
-    for section in sections {
-        text.push_str(&of_section(section, after));
+    for step in &improvement.steps {
+        text.push_str(&of_step(step));
     }
-    let not_judged = not_judged(before);
+    let not_judged = improvement.sections_not_judged;
     if not_judged > 0 {
         let _ = writeln!(
             text,
@@ -34,7 +32,7 @@ pub(super) fn report(
         );
     }
     text.push_str(&comparison(before, after));
-    let suggestions = suggestions_of_motion(&report_to_proto(after));
+    let suggestions = suggestions_of_motion(after);
     if !suggestions.is_empty() {
         text.push_str("\nwould save time, and is left to you, as it changes the path or the machine:\n");
         for suggestion in suggestions {
@@ -44,70 +42,50 @@ pub(super) fn report(
     text
 }
 
-/// Sections that the report counts and does not list.
-pub(super) fn not_judged(report: &ValidationReport) -> u64 {
-    report.summary.section_count.saturating_sub(report.sections.len() as u64)
-}
-
-fn heading(sections: &[Section], changes: usize) -> String {
-    let missed = sections.iter().filter(|section| matches!(section.outcome, Outcome::NotPossible(_))).count();
-    let missed = if missed == 0 {
-        String::new()
-    } else {
-        format!("; {} could not be made to hold", counted(missed as u64, "vibration"))
+fn heading(improvement: &Improvement) -> String {
+    let missed = improvement.steps.iter().filter(|step| step.outcome() == ImprovementOutcome::NotPossible);
+    let (passes, vibrations): (Vec<_>, Vec<_>) = missed.partition(|step| step.kind() == ImprovementKind::ThreadPass);
+    let mut text = match improvement.changes.len() {
+        0 => "nothing is changed".to_owned(),
+        changes => format!("{} changed", counted(changes as u64, "word")),
     };
-    match changes {
-        0 => format!("nothing is changed{missed}"),
-        _ => format!("{} changed{missed}", counted(changes as u64, "word")),
+    for (missed, what) in [(vibrations.len(), "vibration"), (passes.len(), "threading pass")] {
+        if missed > 0 {
+            let _ = write!(text, "; {} could not be made to hold", counted(missed as u64, what));
+        }
     }
+    text
 }
 
-fn wanted(goals: &SearchGoals) -> String {
+fn wanted(goals: &ImprovementGoals) -> String {
     format!(
         "every chip breaks with a margin of {}, up to {} % of the feed and with the spindle within {} % of its speed",
-        number(goals.margin, 4),
-        number(100.0 * goals.max_feed_override, 4),
-        number(100.0 * goals.speed_tolerance, 3)
+        number(goals.margin(), 4),
+        number(100.0 * goals.max_feed_override(), 4),
+        number(100.0 * goals.speed_tolerance(), 3)
     )
 }
 
-fn vibration(it: FoundVibration) -> String {
-    format!("{} Hz, {} mm", number(it.frequency_hz, 6), number(it.amplitude_mm, 4))
+fn of_step(step: &ImprovementStep) -> String {
+    let ImprovementStep { line, subject, reason, .. } = step;
+    match step.outcome() {
+        ImprovementOutcome::Changed => {}
+        ImprovementOutcome::NotPossible => {
+            return format!("\nline {line}: {subject} does not hold and stays: {reason}\n");
+        }
+        _ => return format!("\nline {line}: {subject} stays: {reason}\n"),
+    }
+    let words = step.changes.iter().map(|change| format!("{} becomes {}", change.old, change.new));
+    let mut text = format!("\nline {line}: {}\n  reason: {reason}\n", words.collect::<Vec<_>>().join(", "));
+    let figures = step.figures.iter().map(figure);
+    let _ = writeln!(text, "  gain: {}", figures.collect::<Vec<_>>().join(", "));
+    text
 }
 
-fn of_section(section: &Section, after: &ValidationReport) -> String {
-    let Section { line, programmed, margin, utilisation, outcome, .. } = section;
-    match outcome {
-        Outcome::Holds => {
-            format!("\nline {line}: {} stays: margin {}\n", vibration(*programmed), number(*margin, 4))
-        }
-        Outcome::NotPossible(reason) => {
-            format!("\nline {line}: {} does not hold and stays: {reason}\n", vibration(*programmed))
-        }
-        Outcome::Changed { found, margin: reached, changes } => {
-            let words = changes.iter().map(|change| format!("{} becomes {}", change.word.text, change.new));
-            let mut text = format!("\nline {line}: {}\n", words.collect::<Vec<_>>().join(", "));
-            let why = if *margin < 1.0 {
-                "the chip does not break everywhere".to_owned()
-            } else {
-                format!("the chip breaks with a margin of {}", number(*margin, 4))
-            };
-            let _ = writeln!(text, "  reason: at {} {why}", vibration(*programmed));
-            let axes = after.sections.iter().filter(|it| it.on_line == *line).flat_map(|section| &section.axes);
-            let largest = axes.map(|axis| axis.utilisation).fold(0.0, f64::max);
-            let _ = writeln!(
-                text,
-                "  gain: margin {} to {}, amplitude {} to {} mm, largest axis load {} to {} % of a limit",
-                number(*margin, 4),
-                number(*reached, 4),
-                number(programmed.amplitude_mm, 4),
-                number(found.amplitude_mm, 4),
-                number(100.0 * utilisation, 3),
-                number(100.0 * largest, 3)
-            );
-            text
-        }
-    }
+fn figure(figure: &ImprovementFigure) -> String {
+    let ImprovementFigure { name, before, after, unit } = figure;
+    let gap = if unit.is_empty() { "" } else { " " };
+    format!("{name} {} to {}{gap}{unit}", number(*before, 4), number(*after, 4))
 }
 
 /// Figures of the whole program, before and after.
@@ -118,7 +96,7 @@ fn comparison(before: &ValidationReport, after: &ValidationReport) -> String {
         if length > 0.0 { format!("{} %", number(100.0 * broken / length, 4)) } else { "-".to_owned() }
     };
     let at_most = |report: &ValidationReport| {
-        let margins = report.sections.iter().filter_map(|section| section.at_max_feed_override);
+        let margins = report.sections.iter().filter_map(|section| section.at_max_feed_override.as_ref());
         let least = margins.map(|it| it.breaking_margin).reduce(f64::min);
         least.map_or_else(|| "-".to_owned(), |least| number(least, 4))
     };
@@ -126,8 +104,9 @@ fn comparison(before: &ValidationReport, after: &ValidationReport) -> String {
         let axes = report.sections.iter().flat_map(|section| &section.axes).map(|axis| axis.utilisation);
         axes.reduce(f64::max).map_or_else(|| "-".to_owned(), |most| format!("{} %", number(100.0 * most, 3)))
     };
-    let time = |report: &ValidationReport| format!("{} s", number(report.summary.duration_s, 5));
-    let warnings = |report: &ValidationReport| report.summary.warnings.to_string();
+    let summary = |report: &ValidationReport| report.summary.clone().unwrap_or_default();
+    let time = |report: &ValidationReport| format!("{} s", number(summary(report).duration_s, 5));
+    let warnings = |report: &ValidationReport| summary(report).warnings.to_string();
     type Figure<'a> = (&'a str, &'a dyn Fn(&ValidationReport) -> String);
     let rows: [Figure<'_>; 5] = [
         ("vibrating path with broken chips", &share),

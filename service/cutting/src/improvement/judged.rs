@@ -1,0 +1,120 @@
+//! What a report says of the sections of one line, and whether one is worse than another.
+
+use feedwave_program::{Finding, Severity};
+
+use crate::shared::wording::decimal;
+use crate::{FoundVibration, SearchGoals, SectionReport, ValidationReport, VibrationSearch};
+
+/// By which share a margin may miss what is wanted, where words are rounded.
+pub(super) const ROUNDING: f64 = 1e-6;
+
+/// Share of the amplitude that arrives at the tool, where least of it does.
+pub(super) fn arriving(sections: &[&SectionReport]) -> f64 {
+    let share = |section: &&SectionReport| section.following.arriving_amplitude_mm / section.condition.amplitude_mm;
+    sections.iter().map(share).filter(|share| share.is_finite()).fold(1.0, f64::min)
+}
+
+/// How far beyond breaking the worst chip is, at the largest override and the worst speed of the tolerance.
+pub(super) fn margin(search: &VibrationSearch, vibration: FoundVibration) -> f64 {
+    let least = search.least_amplitude_mm(vibration.frequency_hz);
+    least.map_or(0.0, |least_mm| search.margin * vibration.amplitude_mm / least_mm)
+}
+
+/// Largest share of a limit that an axis of these sections needs.
+pub(super) fn utilisation(sections: &[&SectionReport]) -> f64 {
+    sections.iter().flat_map(|section| &section.axes).map(|axis| axis.utilisation).fold(0.0, f64::max)
+}
+
+/// A vibration as text.
+pub(super) fn vibration_text(it: FoundVibration) -> String {
+    format!("{} Hz, {} mm", decimal(it.frequency_hz, 4), decimal(it.amplitude_mm, 5))
+}
+
+/// A vibration with the margin that it is to have, and the share that arrived before.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    pub(super) found: FoundVibration,
+    pub(super) margin: f64,
+    pub(super) arriving: f64,
+}
+
+/// Why a changed vibration of a line does not hold in the validated program; `None` where it does.
+pub(super) fn fault(
+    line: u32,
+    wanted: &Wanted,
+    before: &ValidationReport,
+    after: &ValidationReport,
+    goals: &SearchGoals,
+) -> Option<String> {
+    let sections: Vec<_> = after.sections.iter().filter(|section| section.on_line == line).collect();
+    let found = wanted.found;
+    let vibration = format!("{} Hz with {} mm", decimal(found.frequency_hz, 4), decimal(found.amplitude_mm, 5));
+    if sections.is_empty() {
+        return Some(format!("{vibration} would end the section before it begins"));
+    }
+    let worse = worse_in(&sections, before, after);
+    // What a permission of the machine lets pass, such as the published form, is no refusal.
+    let refused = after.findings.iter().any(|finding| finding.severity == Severity::Error);
+    if refused && sections.iter().any(|section| !section.feasible) {
+        let reason = worse.unwrap_or_else(|| "an axis cannot follow it".to_owned());
+        return Some(format!("{vibration} would be refused: {reason}"));
+    }
+    let arriving = arriving(&sections);
+    if wanted.margin / wanted.arriving * arriving < goals.margin * (1.0 - ROUNDING) {
+        let percent = decimal(100.0 * arriving, 1);
+        return Some(format!(
+            "of {vibration} the drives would bring {percent} % to the tool, too little for the margin"
+        ));
+    }
+    if let Some(worse) = worse {
+        return Some(format!("{vibration} would be worse in another way: {worse}"));
+    }
+    // Validation judges at the largest override of the machine and the programmed speed.
+    let judged = sections.iter().filter_map(|section| section.at_max_feed_override);
+    let comparable = judged.filter(|it| it.max_feed_override <= goals.max_feed_override);
+    let least = comparable.map(|it| it.breaking_margin).fold(f64::INFINITY, f64::min);
+    let breaks = sections.iter().all(|section| section.broken_share.is_none_or(|share| share >= 1.0));
+    (!breaks || least < goals.margin * (1.0 - ROUNDING)).then(|| {
+        format!(
+            "{vibration} would leave a margin of {} where {} is wanted",
+            decimal(least, 4),
+            decimal(goals.margin, 4)
+        )
+    })
+}
+
+/// What validation says of the lines of these sections and did not say before, or of which the first number was smaller.
+fn worse_in(sections: &[&SectionReport], before: &ValidationReport, after: &ValidationReport) -> Option<String> {
+    let is_there = |finding: &Finding| {
+        let line = finding.span.line;
+        let of = |section: &&SectionReport| {
+            line == section.on_line || (section.first_line..=section.last_line).contains(&line)
+        };
+        finding.span.program == 0 && sections.iter().any(of)
+    };
+    // How sure the chip has to be, with what arrives, is judged by the goals.
+    let by_goals = |finding: &Finding| {
+        let name = finding.code.name();
+        name.starts_with("VIB-CHIP-") || name == "VIB-FOLLOWING-LOSS"
+    };
+    worse(before, after, |finding| is_there(finding) && !by_goals(finding))
+}
+
+/// The first warning or error of these that validation did not give before, or of which the first number was smaller.
+pub(super) fn worse(
+    before: &ValidationReport,
+    after: &ValidationReport,
+    counts: impl Fn(&Finding) -> bool,
+) -> Option<String> {
+    let judged = |finding: &Finding| finding.values.first().map_or(0.0, |value| value.value.abs());
+    let is_worse = |finding: &&Finding| {
+        let same = |known: &&Finding| {
+            known.code == finding.code
+                && known.span.program == finding.span.program
+                && known.span.line == finding.span.line
+        };
+        before.findings.iter().find(same).is_none_or(|known| judged(finding) > judged(known) * (1.0 + ROUNDING))
+    };
+    let mut grave = after.findings.iter().filter(|finding| finding.severity != Severity::Info && counts(finding));
+    grave.find(is_worse).map(|finding| format!("{}, {}", finding.code, finding.message))
+}

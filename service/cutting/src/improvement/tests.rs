@@ -1,0 +1,307 @@
+use std::convert::Infallible;
+
+use super::*;
+use crate::{FoundVibration, MachineProfile, PipelineConfig};
+
+/// A program alone.
+struct Alone;
+
+impl Surroundings for Alone {
+    type Error = Infallible;
+
+    fn further(&mut self, place: Place) -> Result<Cow<'_, [u8]>, Infallible> {
+        panic!("{place:?} is asked for");
+    }
+
+    fn step(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+fn goals() -> ImprovementGoals {
+    ImprovementGoals {
+        vibration: SearchGoals { margin: 1.1, speed_tolerance: 0.02, max_feed_override: 1.2, frequency_hz: None },
+        least_amplitude: false,
+        spindle_rev_per_min: None,
+        max_feed_per_rev_mm: None,
+        max_tolerance_mm: None,
+    }
+}
+
+fn on(profile: MachineProfile) -> Arc<PipelineConfig> {
+    Arc::new(PipelineConfig { interpolation_period_us: 2_000, ..PipelineConfig::new(profile) })
+}
+
+fn lathe() -> Arc<PipelineConfig> {
+    on(MachineProfile::lathe())
+}
+
+fn improved(program: &str, config: &Arc<PipelineConfig>, goals: &ImprovementGoals) -> Improvement {
+    let result = improve(program.as_bytes(), config, goals, &mut Alone);
+    match result {
+        Ok(improvement) => improvement,
+        Err(never) => match never {},
+    }
+}
+
+fn text(improvement: &Improvement) -> &str {
+    core::str::from_utf8(&improvement.program).unwrap()
+}
+
+/// What every improvement has to be, whatever came of it.
+fn is_consistent(program: &str, config: &Arc<PipelineConfig>, improvement: &Improvement) {
+    let mut lines: Vec<String> = program.lines().map(str::to_owned).collect();
+    // From the last to the first, so that columns stay.
+    for change in improvement.changes.iter().rev() {
+        let line = &mut lines[change.span.line as usize - 1];
+        let start = change.span.column as usize - 1;
+        let place = start..start + change.span.length as usize;
+        assert_eq!(line[place.clone()], change.old);
+        line.replace_range(place, &change.new);
+    }
+    assert_eq!(lines.join("\n") + "\n", text(improvement), "the changes are all that is different");
+    let mut work = Alone;
+    let again = Work::new(&improvement.program, config, &goals(), &mut work).validate(&improvement.program).unwrap();
+    assert!(again == improvement.after && again.is_accepted(), "the report is that of what came out");
+    for step in &improvement.steps {
+        assert!(!step.reason.is_empty(), "{step:?}");
+        assert_eq!(step.outcome == ImprovementOutcome::Changed, !step.changes.is_empty(), "{step:?}");
+        assert_eq!(step.changes.is_empty(), step.figures.is_empty(), "{step:?}");
+    }
+}
+
+fn step(improvement: &Improvement, kind: ImprovementKind) -> &ImprovementStep {
+    improvement.steps.iter().find(|step| step.kind == kind).expect("a step of this kind")
+}
+
+fn figure<'a>(step: &'a ImprovementStep, name: &str) -> &'a ImprovementFigure {
+    step.figures.iter().find(|figure| figure.name == name).expect("the figure")
+}
+
+fn turning(words: &str, rev_per_min: f64, feed: &str, length: f64) -> String {
+    format!(
+        "G21 G97 G99 S{rev_per_min} M3\nG0 X40. Z2.\nG200 {words}\nG1 Z{:.3} {feed}\nG201\nG0 X60.\nM30\n",
+        2.0 - length
+    )
+}
+
+/// A vibrating cut of the random ones: the program and what the search is bounded by.
+struct RandomCut {
+    program: String,
+    rev_per_min: f64,
+    feed_mm: f64,
+    frequency_hz: f64,
+}
+
+impl RandomCut {
+    fn new(random: &mut impl FnMut(f64, f64) -> f64) -> Self {
+        let (rev_per_min, feed_mm) = (random(400.0, 1_600.0).round(), (random(0.02, 0.15) * 1e4).round() / 1e4);
+        let frequency_hz = (random(1.2, 3.8) * rev_per_min / 60.0 * 1e3).round() / 1e3;
+        let amplitude_mm = (random(0.3, 2.0) * feed_mm * 1e4).round() / 1e4;
+        let words = format!("F{frequency_hz} A{amplitude_mm}");
+        let program = turning(&words, rev_per_min, &format!("F{feed_mm}"), 20.0 * feed_mm);
+        Self { program, rev_per_min, feed_mm, frequency_hz }
+    }
+
+    /// The amplitude that a frequency needs, by its definition.
+    fn needed_mm(&self, frequency_hz: f64) -> f64 {
+        let shares = (-20..=20).map(|at| 1.0 + 0.02 * f64::from(at) / 20.0);
+        let turns = shares.map(|share| 60.0 * frequency_hz / (self.rev_per_min * share));
+        let sines = turns.map(|turns| (core::f64::consts::PI * turns).sin().abs());
+        1.1 * 1.2 * self.feed_mm / (2.0 * sines.fold(f64::INFINITY, f64::min))
+    }
+
+    /// The frequencies within the bounds that are documented: a quarter or 0.6 vibrations of a revolution around the programmed
+    /// one, what the machine permits, and eight samples of a vibration.
+    fn frequencies_hz(&self, config: &PipelineConfig) -> impl Iterator<Item = f64> + use<> {
+        let around_hz = (0.25 * self.frequency_hz).max(0.6 * self.rev_per_min / 60.0);
+        let sampled_hz = 1e6 / (8.0 * f64::from(config.interpolation_period_us));
+        let low_hz = (self.frequency_hz - around_hz).max(0.1);
+        let high_hz = (self.frequency_hz + around_hz).min(config.profile.vibration.max_frequency_hz).min(sampled_hz);
+        // None where the programmed one is too fast for its sampling by more than it may change.
+        (0..=2_000)
+            .filter(move |_| low_hz <= high_hz)
+            .map(move |at| low_hz + (high_hz - low_hz) * f64::from(at) / 2_000.0)
+    }
+
+    /// The least amplitude of 2 001 frequencies that leaves every axis more than half of its limits.
+    fn least_mm(&self, config: &PipelineConfig) -> Option<FoundVibration> {
+        let axis = config.profile.machine.axes.iter().find(|axis| axis.axis == feedwave_program::Axis::Z).expect("Z");
+        let easy = |it: &FoundVibration| {
+            let rad_per_s = core::f64::consts::TAU * it.frequency_hz;
+            let [velocity, acceleration, jerk] = [1, 2, 3].map(|power| it.amplitude_mm * rad_per_s.powi(power));
+            it.amplitude_mm < config.profile.vibration.max_amplitude_mm
+                && velocity < 0.45 * axis.max_velocity_per_s
+                && acceleration < 0.45 * axis.max_acceleration_per_s2
+                && jerk < 0.45 * axis.max_jerk_per_s3
+        };
+        let all = self
+            .frequencies_hz(config)
+            .map(|frequency_hz| FoundVibration { frequency_hz, amplitude_mm: self.needed_mm(frequency_hz) });
+        all.filter(easy).min_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))
+    }
+}
+
+/// Holds what is found in so many random sections against every frequency within the bounds.
+fn hold_against_all_frequencies(config: &Arc<PipelineConfig>, seed: u64, cases: u32) {
+    let goals = ImprovementGoals { least_amplitude: true, ..goals() };
+    let mut state = seed;
+    let mut random = |low: f64, high: f64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let (mut compared, mut impossible, mut refused) = (0, 0, 0);
+    for case in 0..cases {
+        let cut = RandomCut::new(&mut random);
+        let program = &cut.program;
+        let improvement = improved(program, config, &goals);
+        if !improvement.before.is_accepted() {
+            assert!(improvement.changes.is_empty() && improvement.steps.is_empty());
+            refused += 1;
+            continue;
+        }
+        is_consistent(program, config, &improvement);
+        let [step] = &improvement.steps[..] else { panic!("one step: {:?}", improvement.steps) };
+        let best = cut.least_mm(config);
+        let case = format!("seed {seed}, case {case}: {best:?}, {step:?}\n{program}");
+        if step.outcome == ImprovementOutcome::NotPossible {
+            assert_eq!(best, None, "{case}");
+            impossible += 1;
+            continue;
+        }
+        let section = improvement.after.sections.first().expect("it vibrates");
+        assert!(improvement.holds() && section.broken_share == Some(1.0), "{case}");
+        let Some(best) = best else { continue };
+        compared += 1;
+        // A word has four decimals.
+        let got_mm = section.condition.amplitude_mm;
+        assert!(got_mm - 1e-4 <= best.amplitude_mm * (1.0 + 1e-3), "{got_mm} mm, {case}");
+    }
+    assert!(compared >= cases * 2 / 5, "{compared} compared, {impossible} impossible, {refused} refused");
+}
+
+#[test]
+fn no_frequency_of_2_000_random_sections_is_better_than_the_one_found() {
+    // At the finer period more of the vibrations have eight samples.
+    let fine = Arc::new(PipelineConfig { interpolation_period_us: 1_000, ..PipelineConfig::clone(&lathe()) });
+    for seed in 0..5 {
+        hold_against_all_frequencies(&lathe(), 20_261_125 + seed, 200);
+        hold_against_all_frequencies(&fine, 20_271_125 + seed, 200);
+    }
+}
+
+#[test]
+fn feeds_rise_to_the_chip_thickness_with_a_vibration_that_still_breaks() {
+    let program = turning("F41.65 A0.1", 1_000.0, "F0.1", 6.0);
+    let config = lathe();
+    let stays = improved(&program, &config, &goals());
+    assert!(stays.changes.is_empty() && stays.holds(), "{:?}", stays.steps);
+    let thicker = ImprovementGoals { max_feed_per_rev_mm: Some(0.18), ..goals() };
+    let improvement = improved(&program, &config, &thicker);
+    is_consistent(&program, &config, &improvement);
+    // 0.18 at the largest override of 1.2 is 0.15 programmed.
+    assert!(text(&improvement).contains("G1 Z-4.000 F0.15\n"), "{}{:?}", text(&improvement), improvement.steps);
+    let step = step(&improvement, ImprovementKind::Feed);
+    let time = figure(step, "machining time");
+    assert!(time.after < time.before && improvement.after.summary.duration_s == time.after);
+    // The report judges at the 150 % of the machine, where 0.225 mm are more than 2A: the goal is that of 120 %.
+    let worst = improvement.after.sections[0].at_max_feed_override.unwrap();
+    assert_eq!(worst.max_feed_override, 1.5);
+    assert!(worst.breaking_margin < 1.0, "{worst:?}");
+    let margin = worst.breaking_margin * 1.5 / 1.2;
+    assert!((1.1..1.13).contains(&margin), "{margin}");
+    let whole = SearchGoals { max_feed_override: 1.5, ..thicker.vibration };
+    let whole = improved(&program, &config, &ImprovementGoals { vibration: whole, ..thicker });
+    assert!(text(&whole).contains("G1 Z-4.000 F0.12\n"), "{}{:?}", text(&whole), whole.steps);
+    assert!(whole.after.sections[0].at_max_feed_override.unwrap().breaking_margin >= 1.1);
+    // At the limit nothing more is to be had.
+    let again = improved(text(&improvement), &config, &thicker);
+    assert!(again.changes.is_empty() && again.holds(), "{:?}", again.steps);
+}
+
+#[test]
+fn a_feed_that_other_cuts_have_as_well_stays() {
+    let program =
+        "G21 G97 G99 S1000 M3\nG0 X40. Z2.\nG1 Z1. F0.1\nG200 F41.65 A0.1\nG1 Z-4.\nG201\nG1 Z-6.\nG0 X60.\nM30\n";
+    let improvement = improved(program, &lathe(), &ImprovementGoals { max_feed_per_rev_mm: Some(0.24), ..goals() });
+    is_consistent(program, &lathe(), &improvement);
+    let step = step(&improvement, ImprovementKind::Feed);
+    assert_eq!(step.outcome, ImprovementOutcome::Stays);
+    assert!(step.reason.contains("other cuts"), "{}", step.reason);
+}
+
+#[test]
+fn axes_without_headroom_keep_the_feed_lower() {
+    let mut profile = MachineProfile::lathe();
+    for axis in &mut profile.machine.axes {
+        axis.max_acceleration_per_s2 = 2_000.0;
+    }
+    let config = on(profile);
+    let program = turning("F41.65 A0.0135", 1_000.0, "F0.02", 2.0);
+    let improvement = improved(&program, &config, &ImprovementGoals { max_feed_per_rev_mm: Some(0.24), ..goals() });
+    is_consistent(&program, &config, &improvement);
+    let step = step(&improvement, ImprovementKind::Feed);
+    assert_eq!(step.outcome, ImprovementOutcome::Changed, "{step:?}");
+    let feed = figure(step, "feed");
+    // A ≤ 0.9·2000/(2π·41.65)² = 0.0263 mm, 2A·sin πD/(1.1·1.2) = 0.0393 mm/rev with D within 2 % of 2.5; lower frequencies permit more.
+    assert!((0.035..0.1).contains(&feed.after), "{feed:?}");
+}
+
+#[test]
+fn another_spindle_speed_is_tried_where_it_may_change() {
+    let program = turning("F50 A0.07", 1_000.0, "F0.1", 6.0);
+    let one = SearchGoals { frequency_hz: Some([50.0, 50.0]), ..goals().vibration };
+    let fixed = ImprovementGoals { vibration: one, ..goals() };
+    let config = lathe();
+    let improvement = improved(&program, &config, &fixed);
+    assert!(!improvement.holds() && improvement.changes.is_empty());
+    let free = ImprovementGoals { spindle_rev_per_min: Some([800.0, 1_300.0]), ..fixed };
+    let improvement = improved(&program, &config, &free);
+    is_consistent(&program, &config, &improvement);
+    assert!(improvement.holds(), "{:?}", improvement.steps);
+    let speed = figure(step(&improvement, ImprovementKind::SpindleSpeed), "spindle speed");
+    assert!((800.0..=1_300.0).contains(&speed.after) && speed.before == 1_000.0, "{speed:?}");
+    assert!(text(&improvement).starts_with(&format!("G21 G97 G99 S{} M3\n", speed.after)), "{}", text(&improvement));
+    assert_eq!(improvement.after.sections[0].broken_share, Some(1.0));
+}
+
+#[test]
+fn tolerances_rise_where_that_saves_time() {
+    let chord = |at: u32| (core::f64::consts::TAU * f64::from(at) / 36.0).sin_cos();
+    let chords: String =
+        (1..=36).map(|at| format!("G1 X{:.4} Y{:.4}\n", 10.0 * chord(at).1, 10.0 * chord(at).0)).collect();
+    let program = format!("G21 G90 G17 G94\nS3000 M3\nG64 P0.005\nG0 X0 Y0\nG1 X10 Y0 F6000\n{chords}M30\n");
+    let config = on(MachineProfile::mill());
+    let goals = ImprovementGoals { max_tolerance_mm: Some(0.05), ..goals() };
+    let improvement = improved(&program, &config, &goals);
+    is_consistent(&program, &config, &improvement);
+    assert!(text(&improvement).contains("\nG64 P0.05\n"), "{:?}", improvement.steps);
+    let time = figure(step(&improvement, ImprovementKind::Tolerance), "machining time");
+    assert!(time.after < 0.95 * time.before, "{time:?}");
+    let deviation = improvement.after.summary.path_deviation.as_ref().unwrap().largest_mm;
+    assert!(deviation <= 0.05, "{deviation}");
+    // Straight on nothing is saved.
+    let straight = "G21 G90 G17 G94\nS3000 M3\nG64 P0.01\nG0 X0 Y0\nG1 X50 F3000\nM30\n";
+    let improvement = improved(straight, &config, &goals);
+    assert_eq!(step(&improvement, ImprovementKind::Tolerance).outcome, ImprovementOutcome::Stays);
+    assert!(improvement.changes.is_empty() && improvement.holds());
+}
+
+#[test]
+fn a_threading_pass_gets_the_phase_that_cuts_its_chip() {
+    let pass = |x: f64, words: &str| format!("G0 X14. Z10.\nG0 X{x}\nG32 Z-10. F2.5 {words}\nG0 X14.\n");
+    let program = format!(
+        "G21 G97 G99 S300 M3\nG0 X14. Z10.\nG165 P3 X10. Q1.2\n{}{}{}{}G165 P0\nM30\n",
+        pass(9.8, "R0"),
+        pass(9.6, "R10"),
+        pass(9.4, "R180"),
+        pass(9.0, "A0.0"),
+    );
+    let config = lathe();
+    let improvement = improved(&program, &config, &goals());
+    is_consistent(&program, &config, &improvement);
+    let changed: Vec<_> = improvement.steps.iter().filter(|step| step.outcome == ImprovementOutcome::Changed).collect();
+    assert!(!changed.is_empty(), "{:?}\n{:?}", improvement.steps, improvement.before.findings);
+    assert!(changed.iter().all(|step| step.kind == ImprovementKind::ThreadPass));
+    assert!(improvement.after.summary.warnings < improvement.before.summary.warnings);
+}

@@ -1,0 +1,395 @@
+//! Frequencies and amplitudes of vibrations along the path, and where nothing else helps the spindle speed.
+
+use std::collections::BTreeMap;
+
+use super::actions::{FunctionBlock, Meant};
+use super::edits::Edits;
+use super::judged::{self, ROUNDING, Wanted, margin, vibration_text};
+use super::words::Word;
+use super::work::{FunctionWords, Work};
+use super::{ImprovementFigure, ImprovementKind, ImprovementOutcome, ImprovementStep, State, Surroundings, WordChange};
+use crate::shared::wording::{decimal, round_up, word};
+use crate::{
+    FoundVibration, PipelineConfig, SearchGoals, SectionReport, Unsearchable, ValidationReport, VibrationSearch,
+};
+
+/// Decimals of a frequency, Hz.
+const FREQUENCY_DECIMALS: usize = 3;
+/// What the last one stands for, Hz.
+const FREQUENCY_STEP_HZ: f64 = 1e-3;
+/// Decimals of an amplitude in mm, and in inches.
+const AMPLITUDE_DECIMALS: [usize; 2] = [4, 5];
+const MM_PER_INCH: f64 = 25.4;
+/// Steps of a spindle speed that are tried on both sides of the programmed one, as a share of it.
+const SPEED_STEP: f64 = 0.01;
+/// How many of them.
+const SPEED_STEPS: u32 = 200;
+
+/// All that one block switches on.
+#[derive(Clone, Debug)]
+pub(super) struct Section {
+    /// The line of the block.
+    pub(super) line: u32,
+    /// The vibration as programmed.
+    pub(super) programmed: FoundVibration,
+    /// How far beyond breaking the worst chip is, at the largest override and the worst speed of the tolerance, with what arrives.
+    pub(super) margin: f64,
+    /// Largest share of a limit that an axis needs.
+    utilisation: f64,
+    /// Share of the amplitude that arrives at the tool, where least of it does.
+    pub(super) arriving: f64,
+    pub(super) outcome: Outcome,
+}
+
+/// What becomes of it.
+#[derive(Clone, Debug)]
+pub(super) enum Outcome {
+    /// It does what is wanted.
+    Holds,
+    /// It is changed.
+    Changed(Box<Changed>),
+    /// What is wanted does not hold, for this reason.
+    NotPossible(String),
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Changed {
+    /// The vibration that it becomes.
+    pub(super) found: FoundVibration,
+    /// The margin by the same measure.
+    pub(super) margin: f64,
+    /// The words and what takes their place.
+    pub(super) words: Vec<(Word, String)>,
+    /// The spindle speed before and after, where that changes.
+    pub(super) speed_rev_per_min: Option<[f64; 2]>,
+}
+
+/// Plans the changes of all sections, makes those that validation bears out, and says what came of each.
+pub(super) fn improve<S: Surroundings>(
+    work: &mut Work<'_, S>,
+    before: &ValidationReport,
+    found: &FunctionWords,
+    state: &mut State,
+) -> Result<Vec<Section>, S::Error> {
+    let mut sections = plan_all(work, before, found)?;
+    for section in &mut sections {
+        let Outcome::Changed(changed) = &section.outcome else { continue };
+        if changed.speed_rev_per_min.is_some() {
+            let mut edits = Edits::default();
+            changed.words.iter().for_each(|(word, new)| drop(edits.set(word, new.clone())));
+            if !work.is_same(&edits, Meant::SpindleSpeeds)? {
+                section.outcome =
+                    Outcome::NotPossible("the word of its spindle speed says something else as well".into());
+            }
+        }
+    }
+    settle(work, before, &mut sections, state)?;
+    for section in &sections {
+        let step = step(section, before, state);
+        state.steps.push(step);
+    }
+    Ok(sections)
+}
+
+/// Makes the changes and validates what comes out; changes that validation does not bear out are taken back, until all that are
+/// left hold together.
+fn settle<S: Surroundings>(
+    work: &mut Work<'_, S>,
+    before: &ValidationReport,
+    sections: &mut [Section],
+    state: &mut State,
+) -> Result<(), S::Error> {
+    loop {
+        let mut edits = Edits::default();
+        for section in &*sections {
+            if let Outcome::Changed(changed) = &section.outcome {
+                changed.words.iter().for_each(|(word, new)| drop(edits.set(word, new.clone())));
+            }
+        }
+        let unchanged = edits == Edits::default();
+        let after = if unchanged { before.clone() } else { work.validate(&edits.apply(work.program, &work.lines))? };
+        let mut taken_back = false;
+        for section in &mut *sections {
+            let Outcome::Changed(changed) = &section.outcome else { continue };
+            let wanted = Wanted { found: changed.found, margin: changed.margin, arriving: section.arriving };
+            let fault = judged::fault(section.line, &wanted, before, &after, &work.goals.vibration);
+            let spread = || {
+                // Another speed is that of all that follows.
+                changed.speed_rev_per_min?;
+                judged::worse(before, &after, |finding| !finding.code.name().starts_with("VIB-CHIP-"))
+                    .map(|worse| format!("another spindle speed would be worse in another way: {worse}"))
+            };
+            if let Some(reason) = fault.or_else(spread) {
+                section.outcome = Outcome::NotPossible(reason);
+                taken_back = true;
+            }
+        }
+        if !taken_back && !after.is_accepted() {
+            // What is wrong belongs to no section: nothing is changed.
+            for section in &mut *sections {
+                if matches!(section.outcome, Outcome::Changed(_)) {
+                    section.outcome =
+                        Outcome::NotPossible("the program as a whole would be refused with it".to_owned());
+                    taken_back = true;
+                }
+            }
+        }
+        if !taken_back {
+            (state.edits, state.after) = (edits, after);
+            return Ok(());
+        }
+    }
+}
+
+/// What is to be done for every block that switches a vibration on.
+fn plan_all<S: Surroundings>(
+    work: &mut Work<'_, S>,
+    report: &ValidationReport,
+    found: &FunctionWords,
+) -> Result<Vec<Section>, S::Error> {
+    let mut by_line: BTreeMap<u32, Vec<&SectionReport>> = BTreeMap::new();
+    for section in &report.sections {
+        by_line.entry(section.on_line).or_default().push(section);
+    }
+    by_line.into_iter().map(|(line, sections)| plan(work, line, &sections, found.blocks.get(&line))).collect()
+}
+
+/// What is looked for in these sections, with what the drives lose commanded besides.
+pub(super) fn search(
+    sections: &[&SectionReport],
+    arriving: f64,
+    config: &PipelineConfig,
+    goals: &SearchGoals,
+) -> Result<VibrationSearch, Unsearchable> {
+    let commanded = SearchGoals { margin: goals.margin / arriving, ..*goals };
+    VibrationSearch::of_sections(sections, &config.vibration(), &commanded)
+}
+
+fn plan<S: Surroundings>(
+    work: &mut Work<'_, S>,
+    line: u32,
+    sections: &[&SectionReport],
+    block: Option<&FunctionBlock>,
+) -> Result<Section, S::Error> {
+    work.step()?;
+    let condition = sections[0].condition;
+    let programmed = FoundVibration { frequency_hz: condition.frequency_hz, amplitude_mm: condition.amplitude_mm };
+    let (utilisation, arriving) = (judged::utilisation(sections), judged::arriving(sections));
+    let section = |margin, outcome| Section { line, programmed, margin, utilisation, arriving, outcome };
+    let not_possible = |margin, reason: &str| section(margin, Outcome::NotPossible(reason.to_owned()));
+    if sections.iter().any(|section| section.condition != condition) {
+        return Ok(not_possible(0.0, "the block switches on different vibrations, as its words are computed"));
+    }
+    if arriving <= 0.0 {
+        return Ok(not_possible(0.0, "the drives erase the vibration: nothing of it arrives at the tool"));
+    }
+    let (config, goals, least_amplitude) = (work.config, &work.goals.vibration, work.goals.least_amplitude);
+    let search = match search(sections, arriving, config, goals) {
+        Ok(search) => search,
+        Err(reason) => return Ok(not_possible(0.0, unsearchable(reason))),
+    };
+    let margin = arriving * margin(&search, programmed);
+    let suffices = margin >= goals.margin * (1.0 - ROUNDING);
+    if suffices && !least_amplitude {
+        return Ok(section(margin, Outcome::Holds));
+    }
+    let words = block.and_then(Words::of);
+    let no_words = "its F and A are not both written as numbers in one block, so no word is changed";
+    let Some(found) = search.solve() else {
+        let reason = "no vibration within the range of frequencies, the limits of the axes and of the profile breaks every chip so \
+                      surely: a smaller feed, a smaller margin or tolerance, or another spindle speed would";
+        if suffices {
+            return Ok(section(margin, Outcome::Holds));
+        }
+        let changed = match &words {
+            Some(words) => with_speed(work, sections, arriving, programmed, words)?,
+            None => None,
+        };
+        let changed = changed.map(|it| section(margin, Outcome::Changed(Box::new(it))));
+        return Ok(changed.unwrap_or_else(|| not_possible(margin, reason)));
+    };
+    let Some(words) = words else { return Ok(not_possible(margin, no_words)) };
+    Ok(match rounded(&search, found, programmed, &words, least_amplitude) {
+        Some((_, changes)) if changes.is_empty() => section(margin, Outcome::Holds),
+        Some((found, changes)) => {
+            let after = arriving * judged::margin(&search, found);
+            let changed = Changed { found, margin: after, words: changes, speed_rev_per_min: None };
+            section(margin, Outcome::Changed(Box::new(changed)))
+        }
+        None => not_possible(margin, "what is enough cannot be written in the decimals of a word within the limits"),
+    })
+}
+
+/// Another spindle speed, as near as possible to the programmed one, with the vibration that is enough at it.
+fn with_speed<S: Surroundings>(
+    work: &mut Work<'_, S>,
+    sections: &[&SectionReport],
+    arriving: f64,
+    programmed: FoundVibration,
+    words: &Words,
+) -> Result<Option<Changed>, S::Error> {
+    let Some([low, high]) = work.goals.spindle_rev_per_min else { return Ok(None) };
+    let high = high.min(work.config.profile.machine.max_spindle_rev_per_min);
+    let Some((speed, speed_word)) = constant_speed(work, sections) else { return Ok(None) };
+    for step in 1..=SPEED_STEPS {
+        for share in [1.0 - SPEED_STEP * f64::from(step), 1.0 + SPEED_STEP * f64::from(step)] {
+            let tried = (speed * share).round();
+            if tried < low.max(1.0) || tried > high {
+                continue;
+            }
+            work.step()?;
+            let at_speed: Vec<SectionReport> = sections.iter().map(|section| at_speed(section, tried)).collect();
+            let at_speed: Vec<&SectionReport> = at_speed.iter().collect();
+            let Ok(search) = search(&at_speed, arriving, work.config, &work.goals.vibration) else { continue };
+            let found = search.solve().and_then(|found| rounded(&search, found, programmed, words, false));
+            if let Some((found, mut changes)) = found {
+                changes.push((speed_word, format!("S{}", decimal(tried, 0))));
+                let (margin, speeds) = (arriving * margin(&search, found), Some([speed, tried]));
+                return Ok(Some(Changed { found, margin, words: changes, speed_rev_per_min: speeds }));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// The one spindle speed of these sections, rev/min, and the word that says it.
+fn constant_speed<S: Surroundings>(work: &Work<'_, S>, sections: &[&SectionReport]) -> Option<(f64, Word)> {
+    let mut spans = sections.iter().flat_map(|section| &section.chip_spans);
+    let speed = spans.next()?.spindle_rev_per_min;
+    if spans.any(|span| span.spindle_rev_per_min != speed) {
+        return None;
+    }
+    let first_line = sections.iter().map(|section| section.first_line).min()?;
+    let word = work.word_above(first_line, 'S', 0).filter(|word| (word.value - speed).abs() <= 1e-9 * speed)?;
+    Some((speed, word))
+}
+
+/// A section as it would be at another spindle speed.
+fn at_speed(section: &SectionReport, rev_per_min: f64) -> SectionReport {
+    let mut section = section.clone();
+    let coupling = section.chip.as_ref().map(|chip| chip.condition.feed_coupling);
+    for span in &mut section.chip_spans {
+        if coupling == Some(crate::FeedCoupling::PerMinute) {
+            span.feed_per_rev_mm *= span.spindle_rev_per_min / rev_per_min;
+        }
+        span.spindle_rev_per_min = rev_per_min;
+    }
+    section
+}
+
+const fn unsearchable(reason: Unsearchable) -> &'static str {
+    match reason {
+        Unsearchable::NoCut => "nothing is cut with a turning spindle",
+        Unsearchable::SurfaceSpeed => {
+            "it is cut at constant surface speed, where the vibrations of a revolution change along the path and pass whole \
+             numbers: a constant spindle speed (G97) would make one frequency right"
+        }
+        Unsearchable::TooManyCuts => "it has more different cuts than a report lists",
+        Unsearchable::NoFrequency => "no frequency of the range is within the limits of the machine and the sampling",
+    }
+}
+
+/// The words of a block that switches a vibration on, both written as numbers.
+#[derive(Clone, Debug)]
+pub(super) struct Words {
+    frequency: Word,
+    amplitude: Word,
+    inch: bool,
+}
+
+impl Words {
+    pub(super) fn of(block: &FunctionBlock) -> Option<Self> {
+        Some(Self { frequency: block.frequency.clone()?, amplitude: block.amplitude.clone()?, inch: block.inch })
+    }
+}
+
+/// The vibration in the decimals of words, and the words; `None` where none of the rounded ones is enough within the limits. An
+/// amplitude that is more than enough stays where only the frequency has to change.
+pub(super) fn rounded(
+    search: &VibrationSearch,
+    found: FoundVibration,
+    programmed: FoundVibration,
+    words: &Words,
+    least_amplitude: bool,
+) -> Option<(FoundVibration, Vec<(Word, String)>)> {
+    let unit_mm = if words.inch { MM_PER_INCH } else { 1.0 };
+    let decimals = AMPLITUDE_DECIMALS[usize::from(words.inch)];
+    let nearest = (found.frequency_hz / FREQUENCY_STEP_HZ).round();
+    // The next ones where the nearest is just beyond a limit.
+    let frequencies = [nearest, nearest - 1.0, nearest + 1.0].map(|steps| steps * FREQUENCY_STEP_HZ);
+    let candidates = frequencies.into_iter().filter_map(|frequency_hz| {
+        let least_mm = search.least_amplitude_mm(frequency_hz)?;
+        let rounded_mm = round_up(least_mm / unit_mm, decimals) * unit_mm;
+        let keeps = !least_amplitude
+            && programmed.amplitude_mm >= least_mm
+            && programmed.amplitude_mm <= search.largest_amplitude_mm(frequency_hz);
+        let amplitude_mm = if keeps { programmed.amplitude_mm } else { rounded_mm };
+        search
+            .suffices(frequency_hz, amplitude_mm * (1.0 + 1e-12))
+            .then_some(FoundVibration { frequency_hz, amplitude_mm })
+    });
+    let [low_hz, high_hz] = search.frequency_hz;
+    let range = low_hz - FREQUENCY_STEP_HZ..=high_hz + FREQUENCY_STEP_HZ;
+    let within = candidates.filter(|it| range.contains(&it.frequency_hz));
+    let best = within.min_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))?;
+    // No change that gains nothing: what is programmed is as good as can be written.
+    if search.suffices(programmed.frequency_hz, programmed.amplitude_mm) && best.amplitude_mm >= programmed.amplitude_mm
+    {
+        return Some((programmed, Vec::new()));
+    }
+    let mut changes = Vec::new();
+    if (programmed.frequency_hz - best.frequency_hz).abs() > 1e-3 * FREQUENCY_STEP_HZ {
+        changes.push((words.frequency.clone(), word('F', best.frequency_hz, FREQUENCY_DECIMALS)));
+    }
+    if (programmed.amplitude_mm - best.amplitude_mm).abs() > 1e-9 {
+        changes.push((words.amplitude.clone(), word('A', best.amplitude_mm / unit_mm, decimals)));
+    }
+    Some((best, changes))
+}
+
+/// What is said of a section.
+fn step(section: &Section, before: &ValidationReport, state: &State) -> ImprovementStep {
+    let Section { line, programmed, margin, utilisation, .. } = section;
+    let subject = vibration_text(*programmed);
+    let of_kind = |kind, outcome, reason: String| ImprovementStep {
+        line: *line,
+        kind,
+        subject: subject.clone(),
+        outcome,
+        reason,
+        changes: Vec::new(),
+        figures: Vec::new(),
+    };
+    let changed = match &section.outcome {
+        Outcome::Holds => {
+            let reason = format!("margin {}", decimal(*margin, 4));
+            return of_kind(ImprovementKind::Vibration, ImprovementOutcome::Stays, reason);
+        }
+        Outcome::NotPossible(reason) => {
+            return of_kind(ImprovementKind::Vibration, ImprovementOutcome::NotPossible, reason.clone());
+        }
+        Outcome::Changed(changed) => changed,
+    };
+    let after: Vec<_> = state.after.sections.iter().filter(|it| it.on_line == *line).collect();
+    let why = if *margin < 1.0 {
+        "the chip does not break everywhere".to_owned()
+    } else {
+        format!("the chip breaks with a margin of {}", decimal(*margin, 4))
+    };
+    let figure = |name: &'static str, before, after, unit| ImprovementFigure { name: name.into(), before, after, unit };
+    let mut figures = vec![
+        figure("margin", *margin, changed.margin, ""),
+        figure("amplitude", programmed.amplitude_mm, changed.found.amplitude_mm, "mm"),
+        figure("largest axis load", *utilisation, judged::utilisation(&after), ""),
+    ];
+    let mut kind = ImprovementKind::Vibration;
+    if let Some([old, new]) = changed.speed_rev_per_min {
+        kind = ImprovementKind::SpindleSpeed;
+        figures.push(figure("spindle speed", old, new, "rev/min"));
+        figures.push(figure("machining time", before.summary.duration_s, state.after.summary.duration_s, "s"));
+    }
+    let change =
+        |(word, new): &(Word, String)| WordChange { span: word.span, old: word.text.clone(), new: new.clone() };
+    let step = of_kind(kind, ImprovementOutcome::Changed, format!("at {subject} {why}"));
+    ImprovementStep { changes: changed.words.iter().map(change).collect(), figures, ..step }
+}
