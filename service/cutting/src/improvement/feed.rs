@@ -216,7 +216,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
             |name: &'static str, before, after, unit| ImprovementFigure { name: name.into(), before, after, unit };
         let figures = vec![
             figure("feed", thickest(&state.after), thickest(&after), "mm/rev"),
-            figure("margin", self.section.margin, margin, ""),
+            figure("margin", self.section.margin_now(), margin, ""),
             figure("machining time", was_s, is_s, "s"),
         ];
         let reason = format!(

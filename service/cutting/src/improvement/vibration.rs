@@ -41,6 +41,16 @@ pub(super) struct Section {
     pub(super) outcome: Outcome,
 }
 
+impl Section {
+    /// The margin with what became of it.
+    pub(super) const fn margin_now(&self) -> f64 {
+        match &self.outcome {
+            Outcome::Changed(changed) => changed.margin,
+            Outcome::Holds | Outcome::NotPossible(_) => self.margin,
+        }
+    }
+}
+
 /// What becomes of it.
 #[derive(Clone, Debug)]
 pub(super) enum Outcome {
@@ -377,11 +387,11 @@ fn step(section: &Section, before: &ValidationReport, state: &State) -> Improvem
         format!("the chip breaks with a margin of {}", decimal(*margin, 4))
     };
     let figure = |name: &'static str, before, after, unit| ImprovementFigure { name: name.into(), before, after, unit };
-    let mut figures = vec![
-        figure("margin", *margin, changed.margin, ""),
-        figure("amplitude", programmed.amplitude_mm, changed.found.amplitude_mm, "mm"),
-        figure("largest axis load", *utilisation, judged::utilisation(&after), ""),
-    ];
+    let mut figures = vec![figure("margin", *margin, changed.margin, "")];
+    if changed.found.amplitude_mm != programmed.amplitude_mm {
+        figures.push(figure("amplitude", programmed.amplitude_mm, changed.found.amplitude_mm, "mm"));
+    }
+    figures.push(figure("largest axis load", *utilisation, judged::utilisation(&after), ""));
     let mut kind = ImprovementKind::Vibration;
     if let Some([old, new]) = changed.speed_rev_per_min {
         kind = ImprovementKind::SpindleSpeed;
