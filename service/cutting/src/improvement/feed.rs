@@ -62,6 +62,15 @@ struct FeedWord {
     per_minute: bool,
 }
 
+/// A vibration as words can say it.
+struct WrittenVibration {
+    found: FoundVibration,
+    /// Of its chip at the feeds that it was found for.
+    margin: f64,
+    /// Words to change, with their new text; none where the vibration stays.
+    words: Vec<(Word, String)>,
+}
+
 impl<S: Surroundings> Raise<'_, '_, S> {
     fn step(&mut self, state: &mut State) -> Result<ImprovementStep, S::Error> {
         let line = self.section.line;
@@ -154,7 +163,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
     }
 
     /// The vibration at feeds that are so much larger, as words, with its margin.
-    fn vibration_at(&self, own: &[SectionReport], ratio: f64) -> Option<(FoundVibration, f64, Vec<(Word, String)>)> {
+    fn vibration_at(&self, own: &[SectionReport], ratio: f64) -> Option<WrittenVibration> {
         let mut raised: Vec<SectionReport> = own.to_vec();
         raised.iter_mut().flat_map(|section| &mut section.chip_spans).for_each(|span| span.feed_per_rev_mm *= ratio);
         let raised: Vec<&SectionReport> = raised.iter().collect();
@@ -162,10 +171,10 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         let search = search(&raised, arriving, self.work.config, &self.work.goals.vibration).ok()?;
         let margin = |it| arriving * judged::margin(&search, it);
         if search.suffices(self.vibration.frequency_hz, self.vibration.amplitude_mm) {
-            return Some((self.vibration, margin(self.vibration), Vec::new()));
+            return Some(WrittenVibration { found: self.vibration, margin: margin(self.vibration), words: Vec::new() });
         }
         let (found, words) = rounded(&search, search.solve()?, self.vibration, self.words.as_ref()?, false)?;
-        Some((found, margin(found), words))
+        Some(WrittenVibration { found, margin: margin(found), words })
     }
 
     /// Tries feeds that are so much larger; the inner error is why it is not to be.
@@ -176,7 +185,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         ratio: f64,
         state: &mut State,
     ) -> Result<Result<ImprovementStep, String>, S::Error> {
-        let Some((found, margin, vibration)) = self.vibration_at(own, ratio) else {
+        let Some(WrittenVibration { found, margin, words: vibration }) = self.vibration_at(own, ratio) else {
             return Ok(Err("no vibration that can be written breaks a thicker chip".to_owned()));
         };
         let mut edits = state.edits.clone();
@@ -200,7 +209,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         let own: Vec<&SectionReport> = own.iter().collect();
         let wanted = Wanted { found, margin, arriving: judged::arriving(&own) };
         let goals = &self.work.goals.vibration;
-        if let Some(fault) = judged::fault(self.section.line, &wanted, &state.after, &after, goals) {
+        if let Some(fault) = judged::fault(self.section.line, &wanted, &state.after, &after, self.work.config, goals) {
             return Ok(Err(fault));
         }
         let [was_s, is_s] = [&state.after, &after].map(|report| report.summary.duration_s);

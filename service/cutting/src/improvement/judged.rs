@@ -2,8 +2,9 @@
 
 use feedwave_program::{Finding, Severity};
 
+use super::vibration::search;
 use crate::shared::wording::decimal;
-use crate::{FoundVibration, SearchGoals, SectionReport, ValidationReport, VibrationSearch};
+use crate::{FoundVibration, PipelineConfig, SearchGoals, SectionReport, ValidationReport, VibrationSearch};
 
 /// By which share a margin may miss what is wanted, where words are rounded.
 pub(super) const ROUNDING: f64 = 1e-6;
@@ -44,6 +45,7 @@ pub(super) fn fault(
     wanted: &Wanted,
     before: &ValidationReport,
     after: &ValidationReport,
+    config: &PipelineConfig,
     goals: &SearchGoals,
 ) -> Option<String> {
     let sections: Vec<_> = after.sections.iter().filter(|section| section.on_line == line).collect();
@@ -69,18 +71,24 @@ pub(super) fn fault(
     if let Some(worse) = worse {
         return Some(format!("{vibration} would be worse in another way: {worse}"));
     }
-    // Validation judges at the largest override of the machine and the programmed speed.
-    let judged = sections.iter().filter_map(|section| section.at_max_feed_override);
-    let comparable = judged.filter(|it| it.max_feed_override <= goals.max_feed_override);
-    let least = comparable.map(|it| it.breaking_margin).fold(f64::INFINITY, f64::min);
     let breaks = sections.iter().all(|section| section.broken_share.is_none_or(|share| share >= 1.0));
-    (!breaks || least < goals.margin * (1.0 - ROUNDING)).then(|| {
+    let margin = margin_of(&sections, config, goals);
+    (!breaks || margin < goals.margin * (1.0 - ROUNDING)).then(|| {
         format!(
             "{vibration} would leave a margin of {} where {} is wanted",
-            decimal(least, 4),
+            decimal(margin, 4),
             decimal(goals.margin, 4)
         )
     })
+}
+
+/// How far beyond breaking the worst chip of these sections is with the vibration that they have, with what arrives of it; 0 where
+/// that cannot be said.
+pub(super) fn margin_of(sections: &[&SectionReport], config: &PipelineConfig, goals: &SearchGoals) -> f64 {
+    let Some(condition) = sections.first().map(|section| section.condition) else { return 0.0 };
+    let vibration = FoundVibration { frequency_hz: condition.frequency_hz, amplitude_mm: condition.amplitude_mm };
+    let arriving = arriving(sections);
+    search(sections, arriving, config, goals).map_or(0.0, |search| arriving * margin(&search, vibration))
 }
 
 /// What validation says of the lines of these sections and did not say before, or of which the first number was smaller.

@@ -266,6 +266,31 @@ fn another_spindle_speed_is_tried_where_it_may_change() {
 }
 
 #[test]
+fn a_speed_whose_change_would_leave_other_chips_unbroken_stays() {
+    // D = 3 and no other frequency; at the same speed the second section breaks with D = 2.5, which is whole at 833 rev/min.
+    let program = "G21 G97 G99 S1000 M3\nG0 X40. Z2.\nG200 F50 A0.07\nG1 Z-4. F0.1\nG201\nG0 X38. Z2.\nG200 F41.65 A0.09\nG1 Z-4.\nG201\n\
+                   G0 X60.\nM30\n";
+    let fixed = SearchGoals { frequency_hz: Some([50.0, 50.0]), ..goals().vibration };
+    let speeds = Some([820.0, 850.0]);
+    let improvement =
+        improved(program, &lathe(), &ImprovementGoals { vibration: fixed, spindle_rev_per_min: speeds, ..goals() });
+    is_consistent(program, &lathe(), &improvement);
+    let first = step(&improvement, ImprovementKind::Vibration);
+    assert_eq!(first.outcome, ImprovementOutcome::NotPossible, "{:?}", improvement.steps);
+    assert!(first.reason.contains("other sections"), "{}", first.reason);
+    assert!(improvement.changes.is_empty(), "{:?}", improvement.changes);
+}
+
+#[test]
+fn a_stated_frequency_is_kept_to_the_digit() {
+    let program = turning("F45 A0.06", 1_000.0, "F0.1", 6.0);
+    let one = SearchGoals { frequency_hz: Some([45.0, 45.0]), ..goals().vibration };
+    let improvement = improved(&program, &lathe(), &ImprovementGoals { vibration: one, ..goals() });
+    assert!(improvement.holds(), "{:?}", improvement.steps);
+    assert!(text(&improvement).contains("G200 F45 A0.") && improvement.changes.len() == 1, "{:?}", improvement.changes);
+}
+
+#[test]
 fn tolerances_rise_where_that_saves_time() {
     let chord = |at: u32| (core::f64::consts::TAU * f64::from(at) / 36.0).sin_cos();
     let chords: String =

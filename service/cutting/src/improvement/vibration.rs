@@ -122,7 +122,7 @@ fn settle<S: Surroundings>(
         for section in &mut *sections {
             let Outcome::Changed(changed) = &section.outcome else { continue };
             let wanted = Wanted { found: changed.found, margin: changed.margin, arriving: section.arriving };
-            let fault = judged::fault(section.line, &wanted, before, &after, &work.goals.vibration);
+            let fault = judged::fault(section.line, &wanted, before, &after, work.config, &work.goals.vibration);
             let spread = || {
                 // Another speed is that of all that follows.
                 changed.speed_rev_per_min?;
@@ -131,6 +131,15 @@ fn settle<S: Surroundings>(
             };
             if let Some(reason) = fault.or_else(spread) {
                 section.outcome = Outcome::NotPossible(reason);
+                taken_back = true;
+            }
+        }
+        if !taken_back && others_break_less(work, sections, &after) {
+            let sped = |section: &&mut Section| matches!(&section.outcome, Outcome::Changed(changed) if changed.speed_rev_per_min.is_some());
+            for section in sections.iter_mut().filter(sped) {
+                section.outcome = Outcome::NotPossible(
+                    "another spindle speed would leave chips of other sections unbroken".to_owned(),
+                );
                 taken_back = true;
             }
         }
@@ -149,6 +158,15 @@ fn settle<S: Surroundings>(
             return Ok(());
         }
     }
+}
+
+/// Whether a section that did what is wanted, and stays, does not any more.
+fn others_break_less<S: Surroundings>(work: &Work<'_, S>, sections: &[Section], after: &ValidationReport) -> bool {
+    let goals = &work.goals.vibration;
+    sections.iter().filter(|section| matches!(section.outcome, Outcome::Holds)).any(|section| {
+        let own: Vec<_> = after.sections.iter().filter(|it| it.on_line == section.line).collect();
+        judged::margin_of(&own, work.config, goals) < goals.margin * (1.0 - ROUNDING)
+    })
 }
 
 /// What is to be done for every block that switches a vibration on.
@@ -339,7 +357,7 @@ pub(super) fn rounded(
             .then_some(FoundVibration { frequency_hz, amplitude_mm })
     });
     let [low_hz, high_hz] = search.frequency_hz;
-    let range = low_hz - FREQUENCY_STEP_HZ..=high_hz + FREQUENCY_STEP_HZ;
+    let range = low_hz * (1.0 - 1e-12)..=high_hz * (1.0 + 1e-12);
     let within = candidates.filter(|it| range.contains(&it.frequency_hz));
     let best = within.min_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))?;
     // No change that gains nothing: what is programmed is as good as can be written.

@@ -124,10 +124,10 @@ impl<'a, S: Surroundings> Work<'a, S> {
                     let word = command.word('Q').filter(|_| is_own);
                     ratio = word.and_then(|word| self.lines.word(self.program, word.span));
                 }
-                OperationKind::Function(command) if command.function == Function::PathVibration && command.on => {
-                    if is_own {
-                        self.add_block(&mut found.blocks, line, command);
-                    }
+                OperationKind::Function(command)
+                    if is_own && command.function == Function::PathVibration && command.on =>
+                {
+                    self.add_block(&mut found.blocks, line, command);
                 }
                 OperationKind::Thread(pass) if is_own => {
                     if let Some(known) = found.passes.get_mut(&line) {
