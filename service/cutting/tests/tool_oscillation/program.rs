@@ -277,6 +277,27 @@ fn contradictions_are_refused_before_anything_moves() {
 }
 
 #[test]
+fn what_is_said_of_a_corner_that_turns_too_fast_cures_it() {
+    let text = |control: &str, feed: f64| program(&format!("{control}\nG1 X30 F{feed}\nX50 Y20"));
+    let report = validate(&text("G64 P0.02", 600.0), &config());
+    let turning: Vec<_> = report.findings.iter().filter(|finding| finding.code == "OSC-TURNING").collect();
+    let [finding] = turning[..] else { panic!("{:#?}", report.findings) };
+    let cure = &finding.suggestions[0];
+    let feed = cure.value.as_ref().expect("a feed").value;
+    let most = (feed * 10.0).floor() / 10.0;
+    assert!(cure.message.contains(&format!(", {most} mm/min at most")), "{}", cure.message);
+    assert!(finding.suggestions[1].message.contains("raise P of G64"), "{finding:#?}");
+    for (control, feed) in [("G64 P0.02", most), ("G64 P2", 600.0), ("G61", 600.0)] {
+        let report = validate(&text(control, feed), &config());
+        assert!(
+            report.findings.iter().all(|finding| finding.code != "OSC-TURNING"),
+            "{control}: {:#?}",
+            report.findings
+        );
+    }
+}
+
+#[test]
 fn an_arc_that_becomes_parallel_to_the_tool_axis_is_refused_wherever_it_does() {
     // Five sixths of a circle of 300 mm: start, middle and end lie far from both vertical tangents.
     let text = |arc: &str| format!("T4 M6\nM3 S600\nG0 X0 Y0 Z0\nG202 P1 D1\n{arc} F600\nG203\nM30\n");

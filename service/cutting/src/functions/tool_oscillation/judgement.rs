@@ -16,6 +16,7 @@ use super::{
     judge, known_names, ramp_mm, synchronise,
 };
 use crate::shared::cut::Cut;
+use crate::shared::wording::{decimal, round_down};
 
 /// Components of unit vectors that differ by more are other directions.
 const TILTED: f64 = 1e-6;
@@ -452,14 +453,24 @@ fn can_follow(
     let largest_mm_per_s = most_rad_per_s / curvature;
     if TOP_OVERRIDE * feed_mm_per_s > largest_mm_per_s {
         let feed = 60.0 / TOP_OVERRIDE * largest_mm_per_s;
-        let message = "the feed direction turns too fast for the oscillation to follow it";
-        found.push(
-            Finding::new(code::OSC_TURNING, element.source, message)
-                .ranked("", feed_mm_per_s / largest_mm_per_s)
-                .with_value("curvature", curvature, "1/mm")
-                .with_value("feed", feed_mm_per_s * 60.0, "mm/min")
-                .suggest_value("feed slower on this curve", None, "feed", feed, "mm/min"),
+        let message = format!(
+            "the feed direction turns too fast for the oscillation to follow it, as on a radius of {} mm at {} mm/min",
+            decimal(1.0 / curvature, 3),
+            decimal(60.0 * feed_mm_per_s, 1)
         );
+        let cure = format!("feed slower on this curve, {} mm/min at most", decimal(round_down(feed, 1), 1));
+        let finding = Finding::new(code::OSC_TURNING, element.source, message)
+            .ranked("", feed_mm_per_s / largest_mm_per_s)
+            .with_value("curvature", curvature, "1/mm")
+            .with_value("feed", feed_mm_per_s * 60.0, "mm/min")
+            .suggest_value(cure, None, "feed", feed, "mm/min");
+        found.push(match &element.curve {
+            // The curve at a corner is one.
+            Curve::Spline(_) => {
+                finding.suggest("where a corner is rounded, raise P of G64, or pass it exactly with G61")
+            }
+            _ => finding,
+        });
         return false;
     }
     true
@@ -472,7 +483,7 @@ fn report_roles(roles: &RoleReport, leading_edge: u32, span: SourceSpan, found: 
         RoleRotation::EveryParts(parts) => (f64::from(parts), "parts", roles.parts_before as f64, "parts_before"),
         RoleRotation::EverySeconds(seconds) => (seconds, "s", roles.cutting_time_before_s, "cutting_time_before"),
     };
-    let number = |value: f64| crate::shared::wording::decimal(value, 3);
+    let number = |value: f64| decimal(value, 3);
     let message = format!(
         "edge {leading_edge} leads this part: the lead moves on every {} {unit}, and {} {unit} came before",
         number(interval),
