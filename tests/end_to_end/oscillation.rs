@@ -10,11 +10,13 @@ use feedwave_contract::proto::oscillation_condition::Period;
 use feedwave_contract::proto::stream_setpoints_request::Start;
 use feedwave_contract::proto::waveform::Kind;
 use feedwave_contract::proto::{
-    ColumnKind, CreateJobRequest, CreateMachineRequest, CreateToolRequest, CuttingEdge, DirectionOscillation,
-    FeedOverrideChange, GetMachineRequest, GetReportRequest, GetToolRequest, HeldPeakWave, JobState,
-    OscillationCondition, StreamSetpointsRequest, Tool, ToolGeometry, Waveform,
+    ColumnKind, ConditionTable, ConditionTableRow, CreateJobRequest, CreateMachineRequest, CreateToolRequest,
+    CuttingEdge, DirectionOscillation, FeedOverrideChange, GetMachineRequest, GetReportRequest, GetToolRequest,
+    HeldPeakWave, JobState, ListMachinesRequest, OscillationCondition, StreamSetpointsRequest, TableQuantity, Tool,
+    ToolGeometry, Waveform,
 };
 use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
+use prost::Message as _;
 
 use crate::FEEDWAVE;
 
@@ -206,4 +208,61 @@ async fn what_is_impossible_is_refused_with_numbers_and_stays_stored() {
         let report = clients.jobs.get_report(request).await.expect("the report is stored").into_inner().report;
         assert_eq!(report, Some(outcome.report));
     }
+}
+
+/// What a gRPC client takes where it sets nothing, bytes.
+const CLIENT_LIMIT: usize = 4 << 20;
+
+#[tokio::test]
+async fn a_long_report_and_a_page_of_long_machines_are_no_larger_than_a_client_takes() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    equip(&mut clients).await;
+    // Another feed in each block: each has a report of its own.
+    let blocks: String = (1..=300).map(|block| format!("G1 X{block} F{}\n", 400 + block)).collect();
+    let outcome = submit(&mut clients, &PROGRAM.replace("G1 X30 F600\n", &blocks), &[CUTTER]).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.codes());
+    let summary = outcome.report.summary.clone().expect("a summary");
+    let bytes = outcome.report.encoded_len();
+    assert!(summary.oscillation_count == 300 && bytes < CLIENT_LIMIT, "{} in {bytes} bytes", summary.oscillation_count);
+    let listed = outcome.report.oscillations.len();
+    assert!(listed < 300 && bytes > CLIENT_LIMIT * 9 / 10, "{listed} in {bytes} bytes");
+
+    let request = GetMachineRequest { name: "machines/oscillating".to_owned() };
+    let mut machine = clients.machines.get_machine(request).await.expect("the machine").into_inner().machine.unwrap();
+    let profile = machine.profile.as_mut().expect("a profile");
+    profile.tool_oscillation = (1..=64)
+        .map(|number| {
+            let mut condition = condition(number, &format!("c{number}"), 1);
+            let row = |row: u32| ConditionTableRow {
+                values: (0..32).map(|at| 0.3 + f64::from(row * 32 + at) / 7e4).collect(),
+            };
+            condition.tables = vec![ConditionTable {
+                quantity: TableQuantity::FeedAmplitude.into(),
+                feed_mm_per_min: (0..32).map(|at| 100.0 + f64::from(at)).collect(),
+                spindle_rev_per_min: (0..32).map(|at| 300.0 + f64::from(at)).collect(),
+                rows: (0..32).map(row).collect(),
+                ..ConditionTable::default()
+            }];
+            condition
+        })
+        .collect();
+    for index in 0..8 {
+        let request = CreateMachineRequest { machine_id: format!("long-{index}"), machine: Some(machine.clone()) };
+        clients.machines.create_machine(request).await.expect("the machine is made");
+    }
+    let (mut names, mut pages, mut page_token) = (Vec::new(), 0, String::new());
+    loop {
+        let request = ListMachinesRequest { page_size: 500, page_token };
+        let page = clients.machines.list_machines(request).await.expect("a page").into_inner();
+        assert!(page.encoded_len() < CLIENT_LIMIT, "{}", page.encoded_len());
+        names.extend(page.machines.into_iter().map(|machine| machine.name));
+        pages += 1;
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
+            break;
+        }
+    }
+    names.dedup();
+    assert!(names.len() == 8 + 3 && pages > 2, "{pages} pages of {names:?}");
 }

@@ -16,6 +16,7 @@ mod offsets;
 mod parameters;
 mod profile;
 mod report;
+mod report_size;
 mod settings;
 mod tool;
 

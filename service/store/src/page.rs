@@ -11,11 +11,14 @@ use crate::tenant::Tenant;
 pub const DEFAULT_PAGE_SIZE: u32 = 50;
 /// Largest page; larger requests get this size.
 pub const MAX_PAGE_SIZE: u32 = 500;
+/// Most bytes of documents on a page: its message stays within what a gRPC client takes where it sets nothing, 4 MiB.
+pub(crate) const MAX_PAGE_BYTES: usize = 2 << 20;
 
 /// Which page of a list is wanted.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct PageRequest {
-    /// Most records wanted; 0 means [`DEFAULT_PAGE_SIZE`], more than [`MAX_PAGE_SIZE`] means that.
+    /// Most records wanted; 0 means [`DEFAULT_PAGE_SIZE`], more than [`MAX_PAGE_SIZE`] means that. A page of large records has
+    /// fewer.
     pub size: u32,
     /// Empty for the first page, else [`Page::next_token`] of the page before, used with the same
     /// filters. The page size may differ from page to page.

@@ -1,4 +1,4 @@
-//! What the databases behind SQL have in common: how records are packed, and how rows become records.
+//! What the databases behind SQL have in common: how records are packed, and how rows become records and pages.
 
 pub(crate) mod audit;
 pub(crate) mod check;
@@ -9,6 +9,7 @@ pub(crate) mod documents;
 pub(crate) mod fault;
 pub(crate) mod jobs;
 pub(crate) mod migrations;
+pub(crate) mod pages;
 pub(crate) mod programs;
 pub(crate) mod record;
 pub(crate) mod run_checkpoints;

@@ -17,7 +17,7 @@ use super::client::Client;
 use super::terminal::print;
 
 /// The resource name of what people may call by its identifier alone.
-fn full_name(collection: &str, text: &str) -> String {
+pub(super) fn full_name(collection: &str, text: &str) -> String {
     if text.contains('/') { text.to_owned() } else { format!("{collection}/{text}") }
 }
 

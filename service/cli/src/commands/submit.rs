@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use feedwave_contract::convert::oscillation_request_to_proto;
-use feedwave_contract::names;
 use feedwave_contract::proto::create_job_request::Source as ProgramSource;
 use feedwave_contract::proto::program_file::Source as FileSource;
 use feedwave_contract::proto::{CreateJobRequest, Job, JobState, ProgramFile};
@@ -13,6 +12,7 @@ use feedwave_cutting::tool_oscillation::OscillationRequest;
 use super::client::{Client, ServerArgs};
 use super::machine::{Envelope, Mode};
 use super::offsets::OffsetArgs;
+use super::resources::full_name;
 use super::source::{IncludeArgs, Source};
 use super::terminal::{Style, print, print_json, tell};
 use super::tool_oscillation::OscillationArgs;
@@ -41,8 +41,8 @@ pub struct Args {
     include: IncludeArgs,
     #[command(flatten)]
     server: ServerArgs,
-    /// Machine of the service to plan for
-    #[arg(long, value_name = "ID", default_value = "lathe")]
+    /// Machine of the service to plan for, `machines/{machine}` or the part after the slash
+    #[arg(long, value_name = "MACHINE", default_value = "lathe")]
     machine: String,
     /// Makes a repeated request harmless: the same id returns the same job
     #[arg(long, value_name = "ID", default_value = "")]
@@ -59,7 +59,7 @@ pub struct Args {
     /// How vibration along the path begins and ends [default: what the machine's profile says]
     #[arg(long, value_enum, value_name = "FORM")]
     envelope: Option<Envelope>,
-    /// Tool of the service that the program may use, `tools/{tool}`; may be repeated [default: any]
+    /// Tool of the service that the program may use, `tools/{tool}` or the part after the slash; may be repeated [default: any]
     #[arg(long = "tool", value_name = "TOOL")]
     tools: Vec<String>,
     #[command(flatten)]
@@ -130,13 +130,13 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
     let oscillation = args.oscillation.request();
     let request = CreateJobRequest {
         request_id: args.request_id.clone(),
-        machine: names::machine(&args.machine),
+        machine: full_name("machines", &args.machine),
         source: Some(program),
         display_name: args.display_name.clone().or(file_name).unwrap_or_default(),
         interpolation_period_us: args.period_us,
         generation_mode: Mode::value(args.mode),
         vibration_envelope: Envelope::value(args.envelope),
-        tools: args.tools.clone(),
+        tools: args.tools.iter().map(|tool| full_name("tools", tool)).collect(),
         offsets: args.offsets.read()?,
         oscillation: (oscillation != OscillationRequest::default()).then(|| oscillation_request_to_proto(&oscillation)),
         programs,

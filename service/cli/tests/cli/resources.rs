@@ -161,7 +161,7 @@ fn tools_are_put_shown_changed_and_deleted() {
 fn jobs_are_listed_over_all_pages_shown_cancelled_and_deleted() {
     let service = Service::start();
     let job = ok(&service, &["submit", &path("spec-trap.nc"), "--wait"]).lines().last().unwrap().to_owned();
-    let bad = service.run(&["submit", &path("bad.nc"), "--wait"]);
+    let bad = service.run(&["submit", &path("bad.nc"), "--wait", "--machine", "machines/lathe"]);
     let bad = stdout(&bad).lines().last().unwrap().to_owned();
 
     let shown = ok(&service, &["job", "get", job.strip_prefix("jobs/").unwrap()]);

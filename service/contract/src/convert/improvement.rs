@@ -5,7 +5,8 @@ use feedwave_cutting::{
     WordChange,
 };
 
-use super::report::report_to_proto;
+use super::report::bounded_report;
+use super::report_size::MAX_PAIRED_REPORT_BYTES;
 use crate::proto;
 use crate::violations::Violations;
 
@@ -92,8 +93,8 @@ pub fn improvement_to_proto(improvement: &Improvement, goals: &ImprovementGoals)
     proto::Improvement {
         steps: improvement.steps.iter().map(step).collect(),
         changes: improvement.changes.iter().map(word_change).collect(),
-        before: Some(report_to_proto(&improvement.before)),
-        after: Some(report_to_proto(&improvement.after)),
+        before: Some(bounded_report(&improvement.before, MAX_PAIRED_REPORT_BYTES)),
+        after: Some(bounded_report(&improvement.after, MAX_PAIRED_REPORT_BYTES)),
         sections_not_judged: improvement.sections_not_judged(),
         holds: improvement.holds(),
         program_bytes: improvement.program.len() as u64,

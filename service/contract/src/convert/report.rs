@@ -10,11 +10,17 @@ use super::action::file_name;
 use super::functions;
 use super::offsets::initial_offsets_to_proto;
 use super::profile::plan_quality_to_proto;
+use super::report_size::{self, MAX_REPORT_BYTES};
 use crate::proto;
 
-/// A report as the contract has it.
+/// A report as the contract has it, within the 4 MiB that a gRPC client takes where it sets nothing.
 #[must_use]
 pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
+    bounded_report(report, MAX_REPORT_BYTES)
+}
+
+/// A report of `max_bytes` at most.
+pub(super) fn bounded_report(report: &ValidationReport, max_bytes: usize) -> proto::ValidationReport {
     let mut shown = proto::ValidationReport {
         findings: report.findings.iter().map(|finding| finding_to_proto(finding, &report.programs)).collect(),
         summary: Some(summary_to_proto(&report.summary, &report.programs)),
@@ -22,6 +28,7 @@ pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
         ..proto::ValidationReport::default()
     };
     functions::report_to_proto(report, &mut shown);
+    report_size::bound(&mut shown, max_bytes);
     shown
 }
 

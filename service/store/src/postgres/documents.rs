@@ -10,6 +10,7 @@ use crate::error::{Kind, Result, StoreError, check_size};
 use crate::machines::{MachineRecord, Machines};
 use crate::page::{Page, PageRequest};
 use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, collection, scope};
+use crate::sql::pages::page_of;
 use crate::tools::{ToolFilter, ToolRecord, Tools};
 
 /// A document that stays as it is until the transaction ends, if it is the one the caller read.
@@ -68,6 +69,7 @@ impl PostgresStore {
         let scope = scope(kind, number);
         let after = after(&scope, &page.token)?;
         let size = page.bounded_size();
+        let mut reader = self.reader().await?;
         let rows = sqlx::query(
             "SELECT * FROM documents WHERE collection = $1 AND id > $2 AND ($4::BIGINT IS NULL OR number = $4)
              ORDER BY id LIMIT $3",
@@ -76,10 +78,9 @@ impl PostgresStore {
         .bind(after)
         .bind(size as i64 + 1)
         .bind(number.map(i64::from))
-        .fetch_all(&mut self.reader().await?)
-        .await?;
-        let documents = rows.iter().map(Document::of).collect::<Result<Vec<_>>>()?;
-        let page = Page::cut(documents, size, |last| scope.token(last.id.as_bytes()));
+        .fetch(&mut reader);
+        let token = |last: &Document| scope.token(last.id.as_bytes());
+        let page = page_of(rows, size, Document::of, Document::bytes, token).await?;
         let items = page.items.into_iter().map(record).collect::<Result<Vec<_>>>()?;
         Ok(Page { items, next_token: page.next_token })
     }

@@ -25,6 +25,7 @@ use crate::runs::{
     TelemetryGap,
 };
 use crate::sql::fault::is_reference;
+use crate::sql::pages::page_of;
 use crate::sql::record::{Record as _, signed, to_json, unsigned};
 use crate::sql::runs::{
     MACHINE_RUNS, Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, machine_runs, missing,
@@ -224,9 +225,10 @@ impl Runs for PostgresStore {
             sql.push(" AND sequence < ").push_bind(before);
         }
         sql.push(" ORDER BY sequence DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
-        let runs = rows.iter().map(run).collect::<Result<Vec<_>>>()?;
-        Ok(Page::cut(runs, size, |last| scope.sequence_token(last.sequence)))
+        let mut reader = self.reader().await?;
+        let rows = sql.build().fetch(&mut reader);
+        let token = |last: &Run| scope.sequence_token(last.sequence);
+        page_of(rows, size, run, |run| run.settings.get().len(), token).await
     }
 
     async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>> {

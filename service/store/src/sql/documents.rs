@@ -32,6 +32,11 @@ pub(crate) struct Document {
 }
 
 impl Document {
+    /// Bytes of its body.
+    pub(crate) fn bytes(&self) -> usize {
+        self.body.get().len()
+    }
+
     pub(crate) fn of(row: &impl Record) -> Result<Self> {
         Ok(Self {
             id: row.text("id")?.to_owned(),

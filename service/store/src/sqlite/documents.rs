@@ -10,6 +10,7 @@ use crate::error::{Kind, Result, StoreError, check_size};
 use crate::machines::{MachineRecord, Machines};
 use crate::page::{Page, PageRequest};
 use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, collection, scope};
+use crate::sql::pages::page_of;
 use crate::tools::{ToolFilter, ToolRecord, Tools};
 
 async fn find(connection: &mut SqliteConnection, kind: Kind, id: &str) -> Result<Document> {
@@ -67,6 +68,7 @@ impl SqliteStore {
         let scope = scope(kind, number);
         let after = after(&scope, &page.token)?;
         let size = page.bounded_size();
+        let mut reader = self.reader().await?;
         let rows = sqlx::query(if number.is_some() {
             "SELECT * FROM documents WHERE collection = ?1 AND id > ?2 AND number = ?4 ORDER BY id LIMIT ?3"
         } else {
@@ -76,10 +78,9 @@ impl SqliteStore {
         .bind(after)
         .bind(size as i64 + 1)
         .bind(number)
-        .fetch_all(&mut *self.reader().await?)
-        .await?;
-        let documents = rows.iter().map(Document::of).collect::<Result<Vec<_>>>()?;
-        let page = Page::cut(documents, size, |last| scope.token(last.id.as_bytes()));
+        .fetch(&mut *reader);
+        let token = |last: &Document| scope.token(last.id.as_bytes());
+        let page = page_of(rows, size, Document::of, Document::bytes, token).await?;
         let items = page.items.into_iter().map(record).collect::<Result<Vec<_>>>()?;
         Ok(Page { items, next_token: page.next_token })
     }

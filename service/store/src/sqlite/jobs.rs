@@ -14,6 +14,7 @@ use crate::jobs::{
 use crate::page::{Page, PageRequest};
 use crate::sql::fault::is_reference;
 use crate::sql::jobs::{PackedReport, check_new, created, detail, event, job, missing, packed, report, scope};
+use crate::sql::pages::page_of;
 use crate::sql::record::{parsed, signed, tenant, unsigned};
 use crate::tenant::Tenant;
 
@@ -164,9 +165,9 @@ impl Jobs for SqliteStore {
             sql.push(" AND +j.created_us < ").push_bind(before);
         }
         sql.push(" ORDER BY j.sequence DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch_all(&mut *reader).await?;
-        let jobs = rows.iter().map(job).collect::<Result<Vec<_>>>()?;
-        Ok(Page::cut(jobs, size, |last| scope.sequence_token(last.sequence)))
+        let rows = sql.build().fetch(&mut *reader);
+        let token = |last: &Job| scope.sequence_token(last.sequence);
+        page_of(rows, size, job, |job| job.summary.as_ref().map_or(0, |summary| summary.get().len()), token).await
     }
 
     async fn jobs_in_state(&self, states: &[JobState], limit: u32) -> Result<Vec<Uuid>> {

@@ -1,6 +1,6 @@
 //! Machine profiles and tools.
 
-use feedwave_store::{Kind, PageRequest, StoreError, StoreSettings, ToolFilter};
+use feedwave_store::{Kind, PageRequest, Store, StoreError, StoreSettings, ToolFilter};
 
 use super::{Place, json, open};
 
@@ -102,4 +102,30 @@ async fn documents_are_bounded() {
     assert!(matches!(store.create_tool(Some(&"x".repeat(257)), 1, json("1")).await, Err(StoreError::TooLarge { .. })));
     store.create_tool(Some("t"), 1, json("1")).await.unwrap();
     assert!(matches!(store.update_tool("t", None, 1, large).await, Err(StoreError::TooLarge { .. })));
+}
+
+/// Identifiers on each page of the machines, 500 asked for at a time.
+async fn pages_of_machines(store: &Store) -> Vec<Vec<String>> {
+    let (mut pages, mut token) = (Vec::new(), String::new());
+    loop {
+        let page = store.list_machines(&PageRequest { size: 500, token }).await.unwrap();
+        pages.push(page.items.into_iter().map(|machine| machine.id).collect());
+        match page.next_token {
+            Some(next) => token = next,
+            None => return pages,
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_page_of_large_documents_has_fewer() {
+    let place = Place::new();
+    let store = open(&place).await;
+    // Of 2 MiB, the bound of a page: 0.75 MiB, 0.75 MiB, 1 MiB, more than a page alone, and two small ones.
+    for (id, kibibytes) in [("a", 768), ("b", 768), ("c", 1024), ("d", 3072), ("e", 1), ("f", 1)] {
+        store.create_machine(Some(id), json(&format!("\"{}\"", "x".repeat(kibibytes << 10)))).await.unwrap();
+    }
+    assert_eq!(pages_of_machines(&store).await, [vec!["a", "b"], vec!["c"], vec!["d"], vec!["e", "f"]]);
+    // What is read of a page and not given is in nobody's way.
+    assert_eq!(store.machine("f").await.unwrap().id, "f");
 }
