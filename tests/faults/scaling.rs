@@ -21,6 +21,8 @@ struct Construct {
 }
 
 const MILL: &str = "G21 G90 G94 G17\nT1 M6\nS3000 M3\nG0 X0 Y0 Z5\n";
+/// A tool of radius 2 mm in the table of offsets.
+const COMPENSATED: &str = "G21 G90 G94 G17\nT1 M6\nS3000 M3\nG10 L12 P1 R2.\nG10 L13 P1 R0\nG0 X0 Y-20 Z5\n";
 const LATHE: &str = "G21 G97 G95\nT0101\nS800 M3\nG0 X100. Z5.\n";
 
 const CONSTRUCTS: &[Construct] = &[
@@ -43,10 +45,13 @@ const CONSTRUCTS: &[Construct] = &[
     of("blank lines", MILL, 200_000, |_| "\n".to_owned()),
     of("expressions", MILL, 10_000, |n| format!("#100=[#100+{n}*SIN[{}]]\n", n % 360)),
     of("jumps", MILL, 5_000, |n| format!("IF [1 EQ 1] GOTO {n}\nN{n} G1 X{} F500\n", n % 300)),
-    of("calls of other blocks", MILL, 5_000, |n| format!("G65 P9999 A{n}\n")),
+    Construct {
+        tail: "M30\nO9999\n#100=#1\nG1 X[#1 MOD 300] F500\nM99\n",
+        ..of("calls", MILL, 5_000, |n| format!("G65 P9999 A{n}.\n"))
+    },
     of("words that are not known", MILL, 20_000, |n| format!("G1 X1 QQ{n} @\n")),
     of("errors in every line", MILL, 20_000, |n| format!("G1 X[{n}\n")),
-    of("compensated contours", MILL, 2_000, |n| {
+    of("compensated contours", COMPENSATED, 2_000, |n| {
         format!("G41 D1 G1 X{} Y0 F500\nX{} Y20\nG40 X0 Y-20\n", 20 + n % 20, 20 + n % 20)
     }),
     lathe("cylinders", 5_000, |n| format!("G1 X{}. Z-{}. F0.2\n", 50 + n % 40, n % 100)),
