@@ -132,13 +132,34 @@ impl Field {
 
 fn write_message(code: &mut String, name: &str, fields: &[Field]) -> fmt::Result {
     writeln!(code, "impl Written for {name} {{\n#[inline]\nfn write(&self, json: &mut Vec<u8>) {{\njson.push(b'{{');")?;
+    let zeros = fields.len() - zeros(fields).len();
     for (place, field) in fields.iter().enumerate() {
+        if place == zeros {
+            write_zeros(code, &fields[zeros..])?;
+        }
         writeln!(code, "{}", field.write(place == 0))?;
     }
     writeln!(code, "json.push(b'}}');\n}}\n}}")?;
     let same: Vec<_> = fields.iter().map(|field| format!("self.{0}.is_same(&other.{0})", field.name)).collect();
     let same = same.join("\n&& ");
     writeln!(code, "impl Same for {name} {{\n#[inline]\nfn is_same(&self, other: &Self) -> bool {{\n{same}\n}}\n}}")
+}
+
+/// The numbers at the end of a message that are often all zero: those behind the first three of a row of them, such as the axes
+/// behind X, Y and Z.
+fn zeros(fields: &[Field]) -> &[Field] {
+    let is_number =
+        |field: &&Field| matches!(field.value, Value::Scalar("f64")) && !field.is_list && !field.is_optional;
+    let row = fields.iter().rev().take_while(is_number).count();
+    if row > 4 { &fields[fields.len() - row + 3..] } else { &[] }
+}
+
+/// Writes them at once where all are zero.
+fn write_zeros(code: &mut String, fields: &[Field]) -> fmt::Result {
+    let bits: Vec<_> = fields.iter().map(|field| format!("self.{}.to_bits()", field.name)).collect();
+    let text: String = fields.iter().map(|field| format!("{}0.0", field.key)).collect();
+    let text = format!("{text}}}");
+    writeln!(code, "if ({}) << 1 == 0 {{ return json.extend_from_slice(b{text:?}); }}", bits.join(" | "))
 }
 
 fn write_line(code: &mut String, name: &str, fields: &[Field]) -> fmt::Result {

@@ -50,6 +50,9 @@ enum Format {
     Jsonl,
 }
 
+/// Bytes written at once: few enough for the caches, so that nothing waits for memory.
+const WRITTEN_AT_ONCE: usize = 64 << 10;
+
 /// Shows them.
 ///
 /// # Errors
@@ -70,6 +73,10 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
                 Format::Jsonl => actions.append(action, &mut lines),
             }
             lines.push(b'\n');
+            if lines.len() >= WRITTEN_AT_ONCE {
+                output.write_all(&lines).map_err(failed)?;
+                lines.clear();
+            }
         }
         output.write_all(&lines).map_err(failed)?;
         lines.clear();
