@@ -111,6 +111,8 @@ pub struct Finding {
 struct Rank {
     about: Cow<'static, str>,
     excess: f64,
+    /// The same thing at another place is the same finding.
+    everywhere: bool,
 }
 
 impl Finding {
@@ -137,7 +139,15 @@ impl Finding {
     /// the largest `excess` is kept. Without this, findings are one where their messages are equal.
     #[must_use]
     pub fn ranked(mut self, about: impl Into<Cow<'static, str>>, excess: f64) -> Self {
-        self.rank = Some(Rank { about: about.into(), excess });
+        self.rank = Some(Rank { about: about.into(), excess, everywhere: false });
+        self
+    }
+
+    /// Says that the finding has one cause for the whole program, such as something that the machine does not have: in a
+    /// [`FindingLog`] findings of one code and severity about the same thing are one, wherever they are, at the place of the first.
+    #[must_use]
+    pub fn everywhere(mut self, about: impl Into<Cow<'static, str>>) -> Self {
+        self.rank = Some(Rank { about: about.into(), excess: 0.0, everywhere: true });
         self
     }
 
@@ -166,7 +176,7 @@ impl Finding {
         if self.rank.is_none() {
             let about = self.message.split(|letter: char| letter.is_ascii_digit() || "+-.e".contains(letter));
             let about: String = about.filter(|part| !part.is_empty()).collect();
-            self.rank = Some(Rank { about: about.into(), excess: 0.0 });
+            self.rank = Some(Rank { about: about.into(), excess: 0.0, everywhere: false });
         }
         if let (Some(number), None) = (round, &self.first) {
             let occurrence = Occurrence { name: "iteration".into(), number };

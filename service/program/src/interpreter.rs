@@ -17,6 +17,7 @@ mod lines;
 mod machine_code;
 mod motion;
 mod path_control;
+mod pocket;
 mod probe;
 mod saved;
 mod spindle;

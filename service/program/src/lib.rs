@@ -56,8 +56,8 @@ pub use parameters::InitialParameters;
 pub use reader::{Reader, Reading};
 pub use settings::{
     AngleRange, BoringShift, CompensationSettings, CoordinateSettings, CoordinateStyle, DecimalPointRule, DialectName,
-    DrillingSettings, DrillingStyle, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, GCodeSystem, LanguageSettings,
-    MAX_PATH_TOLERANCE_MM, PathControlMode, PeckReturn, ThreadEWord, TurningSettings, XWord,
+    DrillingSettings, DrillingStyle, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, GCodeSystem, InitialMotion,
+    LanguageSettings, MAX_PATH_TOLERANCE_MM, PathControlMode, PeckReturn, ThreadEWord, TurningSettings, XWord,
 };
 pub use source::{Place, SourcePages};
 pub use state::{DrillingCycle, InterpreterState};

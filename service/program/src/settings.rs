@@ -72,6 +72,16 @@ pub enum FeedMode {
     PerRevolution,
 }
 
+/// The motion that a FANUC or Haas control has in force before the program names one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InitialMotion {
+    /// `G0`, the factory setting of both.
+    Rapid,
+    /// `G1`
+    Linear,
+}
+
 /// A mode of path control (modal group 13).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -168,6 +178,9 @@ pub struct LanguageSettings {
     pub x_word: XWord,
     /// Feed mode at program start.
     pub initial_feed_mode: FeedMode,
+    /// Motion before the first motion code, which a parameter of the control says (FANUC: 3402, bit 0); without it rapid, with a
+    /// finding where a program relies on it. LinuxCNC has none.
+    pub initial_motion: Option<InitialMotion>,
     /// Path control at program start.
     pub initial_path_control: PathControlMode,
     /// Tolerance of a `G64` without `P`, mm, 0 to [`MAX_PATH_TOLERANCE_MM`].
@@ -240,6 +253,7 @@ impl Default for LanguageSettings {
             decimal_point: DecimalPointRule::Calculator,
             x_word: XWord::Diameter,
             initial_feed_mode: FeedMode::PerRevolution,
+            initial_motion: None,
             initial_path_control: PathControlMode::ExactPath,
             // Below the tolerances of ordinary parts, and enough to carry most of the feed through a corner.
             default_path_tolerance_mm: 0.01,

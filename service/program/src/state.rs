@@ -6,7 +6,7 @@ mod turning;
 use serde::{Deserialize, Serialize};
 
 pub use self::drilling::DrillingCycle;
-pub(crate) use self::drilling::{Cycle, Drilling};
+pub(crate) use self::drilling::{BoltPattern, Cycle, Drilling};
 pub(crate) use self::turning::{Pockets, SingleCycle, TurningCycle, TurningModes};
 
 use crate::coordinates::Coordinates;
@@ -318,8 +318,10 @@ pub(crate) enum Phase {
 /// Modal motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Motion {
-    /// No motion code yet.
+    /// No motion code yet, and none that the control has in force.
     None,
+    /// No motion code yet: what the control has in force when it is switched on.
+    PowerOn,
     Rapid,
     Linear,
     Arc {
@@ -357,6 +359,8 @@ pub(crate) struct Reported {
     pub(crate) thread_surface_speed: bool,
     pub(crate) speed_clamp: bool,
     pub(crate) trailing: bool,
+    /// The path of circular pockets.
+    pub(crate) pocket: bool,
 }
 
 impl InterpreterState {
@@ -379,7 +383,10 @@ impl InterpreterState {
             reported: Reported::default(),
             position: Position::default(),
             moved_by: SourceSpan::default(),
-            motion: Motion::None,
+            motion: match settings.dialect {
+                crate::DialectName::LinuxCnc => Motion::None,
+                crate::DialectName::Lathe | crate::DialectName::Mill => Motion::PowerOn,
+            },
             motion_code: 800,
             plane: match settings.dialect {
                 crate::DialectName::Lathe => Plane::Zx,

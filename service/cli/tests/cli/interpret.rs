@@ -83,7 +83,7 @@ fn posts_are_accepted_or_refused_with_the_named_finding() {
         }
     }
     programs.sort();
-    assert!(programs.len() >= 32, "{}", programs.len());
+    assert!(programs.len() >= 70, "{}", programs.len());
     for program in programs {
         let machine = program.parent().unwrap();
         let profile = machine.with_extension("toml");

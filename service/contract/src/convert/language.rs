@@ -3,7 +3,7 @@
 use feedwave_motion::MachineKind;
 use feedwave_program::{
     AngleRange, CompensationCorner, CompensationEntry, CompensationSettings, DecimalPointRule, DialectName, DwellUnit,
-    FeedMode, GCodeSystem, LanguageSettings, PathControlMode, Position, ThreadEWord, TurningSettings,
+    FeedMode, GCodeSystem, InitialMotion, LanguageSettings, PathControlMode, Position, ThreadEWord, TurningSettings,
     UnlistedMachineCodes, XWord,
 };
 
@@ -61,6 +61,7 @@ choices! {
     CompensationEntry = CompensationEntry { A = A, B = B, C = C }
     CompensationCorner = CompensationCorner { Linear = Linear, Circular = Circular }
     GCodeSystem = GCodeSystem { A = A, B = B, C = C }
+    InitialMotion = InitialMotion { Rapid = Rapid, Linear = Linear }
 }
 
 /// A choice; what `default` says where it is open, and, with a violation, where it is unknown.
@@ -110,6 +111,8 @@ pub(super) fn language_from_proto(
         coordinates: coordinates_from_proto(violations, &given.coordinates.clone().unwrap_or_default()),
         drilling: drilling_from_proto(violations, &given.drilling.unwrap_or_default()).unwrap_or_default(),
         g_code_system: enumeration(violations, "language.g_code_system", given.g_code_system).and_then(Choice::stated),
+        initial_motion: enumeration(violations, "language.initial_motion", given.initial_motion)
+            .and_then(Choice::stated),
         turning: turning_from_proto(&given.turning.unwrap_or_default()),
         ..chosen(violations, given, default)
     };
@@ -195,6 +198,7 @@ pub(super) fn language_to_proto(language: &LanguageSettings) -> proto::LanguageS
         compensation_entry: language.compensation.entry.message().into(),
         compensation_corner: language.compensation.corner.message().into(),
         g_code_system: language.g_code_system.map_or(0, |system| system.message().into()),
+        initial_motion: language.initial_motion.map_or(0, |motion| motion.message().into()),
         turning: Some(turning_to_proto(&language.turning)),
         ..proto::LanguageSettings::default()
     };

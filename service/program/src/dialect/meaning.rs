@@ -1,6 +1,6 @@
 //! What a code can be: its modal group and what it does.
 
-use crate::state::{Cycle, TurningCycle};
+use crate::state::{BoltPattern, Cycle, TurningCycle};
 use crate::{Function, PathControlMode, Plane, WorkSystem, XWord};
 
 /// A modal group: a block may hold at most one code of each.
@@ -241,6 +241,12 @@ pub(crate) enum Meaning {
     OfOtherSystem(&'static str),
     /// A drilling, boring or tapping cycle.
     Drill(Cycle),
+    /// `G70` to `G72` of Haas mills: the cycle in force at holes in a pattern.
+    BoltHoles(BoltPattern),
+    /// `G12`, `G13` of Haas mills.
+    CircularPocket {
+        clockwise: bool,
+    },
     /// `G80`
     CycleEnd,
     /// `G98`, `G99` where they are the level to which cycles return.

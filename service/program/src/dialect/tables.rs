@@ -1,7 +1,7 @@
 //! The tables: codes, letters and function words of each dialect.
 
 use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
-use crate::state::{Cycle, Pockets, TurningCycle};
+use crate::state::{BoltPattern, Cycle, Pockets, TurningCycle};
 use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, WorkSystem, XWord, expression, parameters};
 
 pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
@@ -228,12 +228,12 @@ pub(super) static MILL: Dialect = Dialect {
 };
 
 const MILL_G_CODES: &[Code] = &[
-    code(120, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, clockwise")),
-    code(130, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, counter-clockwise")),
+    code(120, Group::NonModal, Meaning::CircularPocket { clockwise: true }),
+    code(130, Group::NonModal, Meaning::CircularPocket { clockwise: false }),
     code(470, Group::NonModal, Meaning::Unsupported("text engraving of Haas controls")),
-    code(700, Group::NonModal, Meaning::Unsupported("the bolt hole circle of Haas controls; for inches write G20")),
-    code(710, Group::NonModal, Meaning::Unsupported("the bolt hole arc of Haas controls; for millimetres write G21")),
-    code(720, Group::NonModal, Meaning::Unsupported("bolt holes along an angle of Haas controls")),
+    code(700, Group::NonModal, Meaning::BoltHoles(BoltPattern::Circle)),
+    code(710, Group::NonModal, Meaning::BoltHoles(BoltPattern::Arc)),
+    code(720, Group::NonModal, Meaning::BoltHoles(BoltPattern::Line)),
     code(1_030, Group::NonModal, Meaning::BlockLimit),
     code(1_070, Group::NonModal, Meaning::Unsupported("cylindrical mapping of Haas controls")),
     code(1_410, Group::NonModal, Meaning::Unsupported("three-dimensional cutter compensation of Haas controls")),

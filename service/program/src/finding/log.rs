@@ -251,8 +251,10 @@ fn identity(finding: &Finding) -> u64 {
     };
     add(finding.code.name().as_bytes());
     let span = finding.span;
-    for number in [span.program, span.line, span.column, span.length] {
-        add(&number.to_le_bytes());
+    if finding.rank.as_ref().is_none_or(|rank| !rank.everywhere) {
+        for number in [span.program, span.line, span.column, span.length] {
+            add(&number.to_le_bytes());
+        }
     }
     match &finding.rank {
         Some(rank) => add(rank.about.as_bytes()),
@@ -335,6 +337,19 @@ mod tests {
             log.push(finding.clone());
         }
         assert_eq!(log.findings(), findings);
+    }
+
+    #[test]
+    fn what_has_one_cause_everywhere_is_one_finding_at_its_first_place() {
+        let at = |line| SourceSpan { line, ..G76 };
+        let mut log = FindingLog::default();
+        for line in [3, 5, 9] {
+            log.push(Finding::new(A, at(line), format!("in line {line}")).everywhere("C"));
+        }
+        log.push(Finding::new(A, at(3), "another").everywhere("B"));
+        let found: Vec<_> =
+            log.findings().iter().map(|it| (it.span.line, it.occurrences, it.message.as_str())).collect();
+        assert_eq!(found, [(3, 3, "in line 3"), (3, 1, "another")]);
     }
 
     #[test]

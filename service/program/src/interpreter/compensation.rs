@@ -26,8 +26,8 @@ const TIPS: [[f64; 2]; 10] = [
 pub(super) const TIP_OF_ORIENTATION: [u8; 10] = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9];
 
 /// Radius and tip of a tool.
-struct Nose {
-    radius_mm: f64,
+pub(super) struct Nose {
+    pub(super) radius_mm: f64,
     tip: u8,
     /// L said where the tip is.
     is_said: bool,
@@ -131,7 +131,7 @@ impl Execution<'_> {
     }
 
     /// The radius of a tool offset: by `D` on mills, by the offset of the `T` word on lathes, by the tool in LinuxCNC.
-    fn nose_of_offset(&mut self, span: SourceSpan) -> Option<Nose> {
+    pub(super) fn nose_of_offset(&mut self, span: SourceSpan) -> Option<Nose> {
         let word = match self.settings.dialect {
             DialectName::Lathe => None,
             DialectName::Mill | DialectName::LinuxCnc => self.take(b'D'),

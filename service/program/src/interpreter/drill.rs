@@ -9,9 +9,12 @@ mod boring;
 mod cut;
 mod drive;
 mod levels;
+mod pattern;
 mod tap;
 mod words;
 
+pub(super) use self::cut::MAX_STROKES;
+use self::pattern::Bolts;
 use super::execute::Execution;
 use super::motion::{Frame, set_bits};
 use super::tool_control::{GuidedPath, ROTARY_LETTERS};
@@ -67,6 +70,10 @@ struct Hole {
     /// Where an oriented tool is moved off the wall.
     shift: Position,
     drive: Drive,
+    /// Where the holes are that are neither at one place nor in steps.
+    pattern: Option<pattern::Pattern>,
+    /// How many times faster a rigid tap goes out than in.
+    tap_retract: f64,
     /// Polar coordinates: the angle from one hole to the next about the zero of the work coordinates, degrees.
     polar_step_deg: Option<f64>,
 }
@@ -150,7 +157,17 @@ impl Execution<'_> {
             );
         }
         let opens = matches!(self.code(Group::Motion), Some((Meaning::Drill(_), _)));
-        if axes == 0 && (self.is_linuxcnc() || words & letter_bit(b'R') == 0) {
+        let bolts = match self.code(Group::NonModal) {
+            Some((Meaning::BoltHoles(pattern), span)) => match self.bolts(pattern, span) {
+                Some(bolts) => Some(bolts),
+                None => {
+                    self.used = u32::MAX;
+                    return;
+                }
+            },
+            _ => None,
+        };
+        if axes == 0 && bolts.is_none() && (self.is_linuxcnc() || words & letter_bit(b'R') == 0) {
             if opens && self.is_linuxcnc() {
                 let message = format!("{} has no axis word, so that it drills nowhere", cycle.name());
                 self.used |= WORDS;
@@ -177,7 +194,7 @@ impl Execution<'_> {
         if self.state.coords.transform.is_some() && self.is_cycle_transformed(cycle, axis) {
             return;
         }
-        self.drill_block(cycle, axis, axes);
+        self.drill_block(cycle, axis, axes, bolts);
     }
 
     /// The cycle that a code means on this control, and its axis; nothing after a finding.
@@ -288,7 +305,7 @@ impl Execution<'_> {
     }
 
     /// The letters of the words that place an axis.
-    fn letters_of(&self, axis: Axis) -> u32 {
+    pub(super) fn letters_of(&self, axis: Axis) -> u32 {
         let letters = self.table.dialect.letters.iter().enumerate();
         let names =
             |letter: &Letter| matches!(letter, Letter::Axis(named) | Letter::Increment(named) if *named == axis);
@@ -296,7 +313,7 @@ impl Execution<'_> {
     }
 
     /// The holes of a block.
-    fn drill_block(&mut self, cycle: Cycle, axis: Axis, axes: u32) {
+    fn drill_block(&mut self, cycle: Cycle, axis: Axis, axes: u32, bolts: Option<Bolts>) {
         let along = self.letters_of(axis);
         if (self.block.letters & !self.used & WORDS) | axes & along != 0 {
             self.state.drilling.refused = None;
@@ -314,7 +331,16 @@ impl Execution<'_> {
             }
             return;
         }
-        let hole = self.hole(cycle, axis, axes & along, &start, at);
+        let mut hole = self.hole(cycle, axis, axes & along, &start, at);
+        if let Some(bolts) = bolts
+            && let Some((hole, repeats)) = &mut hole
+        {
+            *repeats = bolts.count;
+            if self.check_strokes(hole.pecks.strokes((hole.r - hole.bottom).abs()), bolts.count).is_none() {
+                self.state.position = at;
+                return;
+            }
+        }
         let Some((mut hole, repeats)) = hole else {
             self.state.position = at;
             return;
@@ -326,7 +352,9 @@ impl Execution<'_> {
         }
         hole.repeats = repeats;
         self.state.drilling.refused = None;
-        if repeats > 1 {
+        if let Some(bolts) = bolts {
+            self.place_bolts(&mut hole, bolts);
+        } else if repeats > 1 {
             hole.polar_step_deg = polar.unwrap_or_else(|()| {
                 self.refuse_polar_steps();
                 None
@@ -417,7 +445,9 @@ impl Execution<'_> {
         }
         let mut at = hole.at;
         for number in 0..hole.repeats {
-            if let Some(step_deg) = hole.polar_step_deg.filter(|_| number > 0) {
+            if let Some(pattern) = &hole.pattern {
+                pattern.place(number, self.state.plane, &mut at);
+            } else if let Some(step_deg) = hole.polar_step_deg.filter(|_| number > 0) {
                 self.next_polar_hole(&mut at, step_deg);
             } else if number > 0 {
                 for (value, step) in at.iter_mut().zip(&hole.step) {

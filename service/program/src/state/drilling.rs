@@ -12,6 +12,28 @@ pub struct DrillingCycle {
     pub line: u32,
 }
 
+/// A pattern of holes that Haas mills have a code for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum BoltPattern {
+    /// `G70`
+    Circle,
+    /// `G71`
+    Arc,
+    /// `G72`
+    Line,
+}
+
+impl BoltPattern {
+    /// The code as written.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Circle => "G70",
+            Self::Arc => "G71",
+            Self::Line => "G72",
+        }
+    }
+}
+
 impl DrillingCycle {
     /// Its code as written, such as `G83`.
     #[must_use]
@@ -96,6 +118,8 @@ pub(crate) struct Drilling {
     pub(crate) ijk: [Option<f64>; 3],
     /// `P`, s.
     pub(crate) dwell_s: Option<f64>,
+    /// Haas: how many times faster a rigid tap goes out than in (`J`); 0 as fast.
+    pub(crate) tap_retract: u32,
     /// That the retract of pecks is the default was reported: of `G83`, of `G73`.
     pub(crate) default_reported: [bool; 2],
 }

@@ -42,6 +42,7 @@ fn profiles_survive_the_round_trip() {
         boring_shift: Some(BoringShift::SecondMinus),
     };
     lathe.language.g_code_system = Some(feedwave_program::GCodeSystem::B);
+    lathe.language.initial_motion = Some(feedwave_program::InitialMotion::Linear);
     lathe.language.turning = feedwave_program::TurningSettings {
         escape_mm: Some(0.5),
         groove_return_mm: Some(0.0),

@@ -43,7 +43,7 @@ const MAX_HELD_BYTES: usize = 40 << 20;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 36;
+const SNAPSHOT_VERSION: u8 = 37;
 
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use crate::state::Cycle;
 use crate::{DialectName, DwellTime, Finding, OperationKind, PeckReturn, SpindleDirection};
 
 /// Strokes of one block, at most: more are a mistake, and nobody waits for them.
-pub(super) const MAX_STROKES: u32 = 10_000;
+pub(in super::super) const MAX_STROKES: u32 = 10_000;
 
 impl Pecks {
     /// The first peck, mm.

@@ -6,9 +6,12 @@ use super::{Drive, Hole};
 use crate::dialect::letter_bit;
 use crate::state::Cycle;
 use crate::{
-    DialectName, OperationKind, PeckReturn, Position, Spindle, SpindleDirection, SpindleSpeed, ThreadKind, ThreadMove,
-    ThreadPlane,
+    DialectName, DrillingStyle, OperationKind, PeckReturn, Position, Spindle, SpindleDirection, SpindleSpeed,
+    ThreadKind, ThreadMove, ThreadPlane,
 };
+
+/// Largest `J` of a Haas tap.
+const MAX_TAP_RETRACT: u32 = 9;
 
 /// The other sense.
 const fn reversed(direction: SpindleDirection) -> SpindleDirection {
@@ -46,22 +49,46 @@ impl Execution<'_> {
             let back = self.retract(to_r);
             let mut depth = hole.r - hole.up * peck;
             while hole.up * (depth - hole.bottom) > 0.0 {
-                self.tap_along(hole, depth, lead_mm, into);
+                self.tap_along(hole, depth, lead_mm, into, 1.0);
                 let above = depth + hole.up * back;
                 let above = if to_r || hole.up * (above - hole.r) > 0.0 { hole.r } else { above };
-                self.tap_along(hole, above, lead_mm, out);
+                self.tap_along(hole, above, lead_mm, out, hole.tap_retract);
                 depth -= hole.up * peck;
             }
         }
-        self.tap_along(hole, hole.bottom, lead_mm, into);
+        self.tap_along(hole, hole.bottom, lead_mm, into, 1.0);
         self.wait(hole);
-        self.tap_along(hole, hole.r, lead_mm, out);
+        self.tap_along(hole, hole.r, lead_mm, out, hole.tap_retract);
         self.rapid_along(hole, hole.clear);
     }
 
-    fn tap_along(&mut self, hole: &Hole, level: f64, lead_mm: f64, direction: SpindleDirection) {
+    /// A stroke at so many times the speed.
+    fn tap_along(&mut self, hole: &Hole, level: f64, lead_mm: f64, direction: SpindleDirection, times: f64) {
         let end = self.along(hole, level);
-        self.tap_stroke(end, lead_mm, direction, self.state.rev_per_min);
+        self.tap_stroke(end, lead_mm, direction, self.state.rev_per_min * times);
+    }
+
+    /// `J` of Haas: how many times faster than in a tap goes out.
+    pub(super) fn tap_retract(&mut self, cycle: Cycle) -> Option<f64> {
+        let haas = self.settings.drilling.style == DrillingStyle::Haas && !self.is_linuxcnc();
+        if !haas || !matches!(cycle, Cycle::Tap | Cycle::TapLeft) {
+            return Some(1.0);
+        }
+        if let Some(word) = self.take(b'J') {
+            if !self.taps_rigidly() {
+                let what = "whether G84 and G74 are synchronised with the spindle, which J needs";
+                self.cycle_setting(what, "rigid_tapping", "true where they are");
+                return None;
+            }
+            let times = self.whole(&word)?;
+            if times > MAX_TAP_RETRACT {
+                let message = format!("J is {times}, but a tap is retracted 1 to {MAX_TAP_RETRACT} times as fast");
+                self.drill_value(&word, message, "write how many times faster than in the tap goes out");
+                return None;
+            }
+            self.state.drilling.tap_retract = times;
+        }
+        Some(f64::from(self.state.drilling.tap_retract.max(1)))
     }
 
     /// A stroke of a rigid tap to `end`.

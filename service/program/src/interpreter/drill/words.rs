@@ -43,9 +43,11 @@ impl Execution<'_> {
         let pecks = self.pecks(cycle);
         let shift = self.boring_shift(cycle);
         let repeats = self.repeats();
+        let tap_retract = self.tap_retract(cycle);
         let drive = self.drive(cycle);
         let Levels { r, bottom, start: level, up } = levels?;
         let (dwell_s, (pecks, out_after), shift, repeats, drive) = (dwell_s?, pecks?, shift?, repeats?, drive?);
+        let tap_retract = tap_retract?;
         self.check_strokes(pecks.strokes((r - bottom).abs()), repeats)?;
         let step = self.pattern_step(start, &at, index);
         let clear = if self.state.drilling.to_r {
@@ -70,13 +72,15 @@ impl Execution<'_> {
             dwell_s,
             shift,
             drive,
+            pattern: None,
+            tap_retract,
             polar_step_deg: None,
         };
         Some((hole, repeats))
     }
 
     /// Whether a block makes no more strokes than are carried out.
-    fn check_strokes(&mut self, strokes: u32, repeats: u32) -> Option<()> {
+    pub(super) fn check_strokes(&mut self, strokes: u32, repeats: u32) -> Option<()> {
         if u64::from(strokes) * u64::from(repeats) <= u64::from(MAX_STROKES) {
             return Some(());
         }
@@ -180,11 +184,11 @@ impl Execution<'_> {
         }
         let [first, less, least] = self.state.drilling.ijk;
         match (self.state.drilling.q, first) {
-            (_, Some(first)) if cycle == Cycle::Peck => {
+            (_, Some(first)) if cycle == Cycle::Peck || haas && cycle == Cycle::ChipBreak => {
                 let (less, least) = (less.unwrap_or(0.0), least.unwrap_or(0.0));
                 if first <= 0.0 || less > 0.0 && least <= 0.0 {
                     let message = "pecks that get smaller by J need I, the first, and K, the least, above 0";
-                    self.cycle_word(message, "write G83 with I, J and K, or with Q for equal pecks");
+                    self.cycle_word(message, "write I, J and K, or Q for equal pecks");
                     return None;
                 }
                 Some((Pecks::Reducing { first, less, least: least.min(first) }, None))
@@ -356,7 +360,7 @@ impl Execution<'_> {
     }
 
     #[cold]
-    fn drill_value(&mut self, word: &Word, message: String, cure: &str) {
+    pub(super) fn drill_value(&mut self, word: &Word, message: String, cure: &str) {
         let span = self.block.word_span(word);
         let value = word.number.value();
         // That something is missing at the next hole is no mistake of its own.
@@ -367,7 +371,7 @@ impl Execution<'_> {
     }
 
     #[cold]
-    fn cycle_setting(&mut self, what: &str, setting: &str, values: &str) {
+    pub(super) fn cycle_setting(&mut self, what: &str, setting: &str, values: &str) {
         let span = self.cycle_span();
         self.findings.push_with(code::CYCLE_SETTING, |code| {
             let message = format!("the machine profile does not say {what}");

@@ -1,6 +1,7 @@
 //! Drilling, boring and tapping cycles: section 5 of the language page, and its worked examples 2 and 3.
 
 mod boring;
+mod haas;
 mod lathe;
 mod modes;
 mod tapping;

@@ -28,7 +28,7 @@ fn a_thread_of_variable_lead_is_refused_by_itself() {
 
 #[test]
 fn cycles_of_haas_mills_are_named() {
-    for program in ["G13 I10. Z-5. F100", "G70 I20. J0 L6", "G150 P1000 X0 Y0 Z-5. D1", "G234 H1"] {
+    for program in ["G47 P0 X1. E2. F100", "G150 P1000 X0 Y0 Z-5. D1", "G234 H1"] {
         assert_eq!(codes(&mill(), program)[0], "PRG-UNSUPPORTED-CODE", "{program}");
     }
     assert_eq!(codes(&mill(), "G103 P1\nG0 X1"), [""; 0]);

@@ -62,12 +62,15 @@ pub(super) fn no_axis(axis: Axis, span: SourceSpan) -> Finding {
     let message = format!("{} is not among the five axes of the kinematics", axis.letter());
     Finding::new(AXIS_MISSING, span, message)
         .suggest("remove the word, or move the axis while tool centre point control is off")
+        .everywhere(axis.letter().to_string())
 }
 
 /// Tool centre point control on a machine that has no kinematics.
 pub(crate) fn no_kinematics(span: SourceSpan) -> Finding {
     let message = "tool centre point control and tilted planes need the kinematics of the machine, which its profile does not have";
-    Finding::new(code::FIVE_AXIS_KINEMATICS, span, message).suggest("describe the five axes in the machine profile")
+    Finding::new(code::FIVE_AXIS_KINEMATICS, span, message)
+        .suggest("describe the five axes in the machine profile")
+        .everywhere("")
 }
 
 /// A rotary axis that leaves its range, and how its other solution fares.
