@@ -88,6 +88,22 @@ fn cuts_with_a_guided_tool_are_counted_by_their_lines() {
 }
 
 #[test]
+fn cuts_with_a_guided_tool_are_drawn_with_what_is_superposed() {
+    let tool = Tool { number: 1, offset: ToolOffset::new(1).with_length(100.0), ..Tool::default() };
+    let config = PipelineConfig { tools: vec![tool], ..PipelineConfig::new(MachineProfile::mill()) };
+    for (on, off, motion) in
+        [("G200 F20 A0.1", "G201", ToolMotion::Vibrating), ("G202 P1 D1", "G203", ToolMotion::Oscillating)]
+    {
+        let program = format!(
+            "G21 G90 G94 G17 T1 M6\nG43.4 H1\nG0 X0 Y0 Z10 A0 C0\nG1 X5 F900\n{on}\nX10\n{off}\nX15\nG49\nM30\n"
+        );
+        let (path, _) = path_of(&config, &program, 1_000);
+        let drawn: Vec<_> = path.lines.iter().map(|(motion, ..)| *motion).collect();
+        assert_eq!(drawn, [ToolMotion::Cutting, motion, ToolMotion::Cutting], "{on}");
+    }
+}
+
+#[test]
 fn splines_of_a_guided_tool_are_drawn_as_curves() {
     let tool = Tool { number: 1, offset: ToolOffset::new(1).with_length(100.0), ..Tool::default() };
     let config = PipelineConfig { tools: vec![tool], ..PipelineConfig::new(MachineProfile::mill()) };

@@ -115,7 +115,7 @@ fn draw_panel<DB: DrawingBackend>(area: &Area<DB>, scale: Scale, placed: &Placed
 fn draw_mesh<DB: DrawingBackend>(chart: &mut Chart<'_, DB>, scale: Scale, placed: &Placed<'_>) -> DrawResult<(), DB> {
     let (panel, plot) = (placed.panel, placed.plot);
     let across = (plot.width / 110.0).clamp(4.0, 10.0) as usize;
-    let up = (plot.height / 30.0).clamp(4.0, 9.0) as usize;
+    let up = (plot.height / 30.0).clamp(5.0, 9.0) as usize;
     let span_x = placed.x.end - placed.x.start;
     let span_y = placed.y.end - placed.y.start;
     let x_number = move |value: &f64| super::figure::number(*value, span_x);

@@ -182,6 +182,15 @@ pub(super) fn both_limits(panel: &mut Panel, ink: &Ink, limits: &[(f64, String)]
     }
 }
 
+/// A range widened to the limits of either sign that are near.
+pub(super) fn with_limits(range: &Range<f64>, limits: &[(f64, String)]) -> Range<f64> {
+    let near =
+        |largest: f64| limits.iter().map(move |limit| limit.0).filter(move |limit| *limit <= NEAR_LIMIT * largest);
+    let low = near(-range.start).map(|limit| -LABELLED_HEADROOM * limit).fold(range.start, f64::min);
+    let high = near(range.end).map(|limit| LABELLED_HEADROOM * limit).fold(range.end, f64::max);
+    low..high
+}
+
 /// A range with zero in its middle, with the limits that are near.
 fn about_zero(series: &Series, limits: &[(f64, String)]) -> Range<f64> {
     let largest = series.extent().map_or(0.0, |(low, high)| high.max(-low));

@@ -356,7 +356,7 @@ impl Panel {
             return self.note(format!("{text} is beyond the scale"));
         }
         self.endless(ink, vec![(x.start, value), (x.end, value)]);
-        let near_top = y.end - value < 0.13 * (y.end - y.start);
+        let near_top = y.end - value < 0.1 * (y.end - y.start);
         let beside = Beside { y: if near_top { VPos::Top } else { VPos::Bottom }, ..Beside::ON_LINE };
         let by = if near_top { (-6.0, 4.0) } else { beside.by };
         self.label((x.end, value), text, ink.color, Beside { by, ..beside });

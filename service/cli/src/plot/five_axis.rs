@@ -32,6 +32,8 @@ pub struct FiveAxisSetup {
     pub columns: [(usize, f64); 2],
     /// Their letters.
     pub letters: [char; 2],
+    /// Their largest velocities, degrees/s.
+    pub max_velocities_deg_per_s: [f64; 2],
     /// Which directions their angles give.
     pub directions: RotaryDirections,
     /// Work coordinates in which they are shown: rotary offsets turn them against the machine.
@@ -310,6 +312,7 @@ mod tests {
         let setup = FiveAxisSetup {
             columns: [(1, 1.0), (0, 1.0)],
             letters: ['C', 'A'],
+            max_velocities_deg_per_s: [720.0, 360.0],
             directions: kinematics.rotary_directions(),
             work: Setup { work: kinematics.work_frame_at(&kinematics.from_position(&offset)), tool_length_mm: 0.0 },
             cuts: vec![1..=1],

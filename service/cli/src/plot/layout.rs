@@ -185,7 +185,7 @@ impl<'a> Placed<'a> {
             let height = (rect.height - top - bottom).max(1.0);
             placed.plot = Rect { left, top: top_edge, width: width.max(1.0), height };
             (placed.x, placed.y) = placed.ranges();
-            placed.notes = theme::wrapped(&placed.remarks().join(" \u{b7} "), theme::NOTE_SIZE, width);
+            placed.notes = theme::wrapped_whole(&placed.remarks(), theme::NOTE_SIZE, width);
         }
         placed
     }

@@ -70,6 +70,19 @@ pub(super) fn wrapped(text: &str, size: f64, width: f64) -> Vec<String> {
     lines
 }
 
+/// Remarks behind each other in lines no wider than this, design units; each stays whole where a line has space for it.
+pub(super) fn wrapped_whole(remarks: &[String], size: f64, width: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for remark in remarks {
+        let joined = lines.last().map(|line| format!("{line} \u{b7} {remark}"));
+        match joined.filter(|joined| text_width(joined, size) <= width) {
+            Some(joined) => lines.splice(lines.len() - 1.., [joined]).for_each(drop),
+            None => lines.extend(wrapped(remark, size, width)),
+        }
+    }
+    lines
+}
+
 /// Pixels per design unit: more than one, because backends draw at whole pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale(pub(super) f64);
@@ -122,6 +135,11 @@ impl Ink {
 
     pub(super) fn dashed(name: impl Into<Cow<'static, str>>, color: RGBColor, width: f64) -> Self {
         Self::new(name, color, Mark::Dashed { width, dash: 8.0, gap: 6.0 })
+    }
+
+    /// The ink of an axis of rotation, told from dashed moves by its long dashes.
+    pub(super) fn centre_line(name: impl Into<Cow<'static, str>>) -> Self {
+        Self::new(name, INK, Mark::Dashed { width: 1.0, dash: 26.0, gap: 5.0 })
     }
 
     pub(super) fn fill(name: impl Into<Cow<'static, str>>, color: RGBColor, opacity: f64) -> Self {

@@ -86,6 +86,10 @@ impl<'a> Groove<'a> {
         &self.job.passes[index]
     }
 
+    fn deepest_mm(&self) -> f64 {
+        self.passes.iter().map(|index| self.pass(*index).depth_mm).fold(0.0, f64::max)
+    }
+
     /// Retreat of a pass, mm on the radius, at a spindle angle of the first pass, degrees: where that one is at the
     /// same place on the work.
     fn retreat_mm(&self, index: usize, work_angle_deg: f64) -> f64 {

@@ -73,7 +73,7 @@ impl ToolPathPicture<'_> {
         let axis = Axis::new(view.right.1, MM, x.clone());
         let mut panel = Panel::new(view.title, axis, Axis::new(view.up.1, MM, y.clone())).in_proportion();
         if self.turning {
-            let spindle = Ink::dashed("spindle axis", theme::INK, 1.0);
+            let spindle = Ink::centre_line("spindle axis");
             let far = 1e3 * (x.end - x.start).max(y.end - y.start).max(1.0);
             panel.endless(&spindle, vec![(x.start - far, 0.0), (x.end + far, 0.0)]);
         }

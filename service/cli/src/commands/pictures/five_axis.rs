@@ -41,12 +41,13 @@ pub(super) fn prepare(
     let column = |axis: Axis| {
         let column = machine.column_of(axis)?;
         let sign = if config.frame == Frame::Machine { machine.axes[column].sign() } else { 1.0 };
-        Some((column, sign))
+        Some(((column, sign), machine.axes[column].max_velocity_per_s))
     };
     let [Some(first), Some(second)] = rotary.map(column) else { return Ok(None) };
     let setup = FiveAxisSetup {
-        columns: [first, second],
+        columns: [first.0, second.0],
         letters: rotary.map(Axis::letter),
+        max_velocities_deg_per_s: [first.1, second.1],
         directions: kinematics.rotary_directions(),
         work: Setup {
             work: kinematics.work_frame_at(&kinematics.from_position(&guided.work_offset.unwrap_or_default())),

@@ -3,7 +3,9 @@
 
 use std::ops::Range;
 
+use super::super::dynamics::{both_limits, with_limits};
 use super::super::figure::{Axis, DEG_PER_S, DEGREES, Figure, Layout, MM, Panel, Place, SECONDS, extent, padded};
+use super::super::theme::Ink;
 use super::{FiveAxisPlots, Plan};
 
 pub(super) struct RotaryPicture<'a> {
@@ -62,7 +64,8 @@ impl RotaryPicture<'_> {
         let mut panel = self.panel(format!("{letter} axis"), axes, range, |plan| plan.angles_deg[axis].points());
         if let Some(thinning) = &self.plots.thinning {
             let (before, after) = (thinning.reversals_before[axis], thinning.reversals_after[axis]);
-            panel.note(format!("reversals inside the cuts: {before} as programmed, {after} thinned"));
+            let thinned = self.plots.plans().last().map_or("thinned".into(), |(_, ink)| ink.name);
+            panel.note(format!("reversals inside the cuts: {before} as programmed, {after} {thinned}"));
         }
         let plans: Vec<_> = self.plots.plans().map(|(plan, ink)| (plan.reversals[axis].count, ink.name)).collect();
         let counts: Vec<_> = plans.iter().map(|(count, name)| format!("{count} {name}")).collect();
@@ -84,7 +87,7 @@ impl RotaryPicture<'_> {
         let letter = self.plots.setup.letters[axis];
         let title = format!("velocity of {letter} in the same stretch of the path");
         let x = Axis::new("time from its start", SECONDS, 0.0..1.0);
-        self.panel(title, (x, Axis::new("velocity", DEG_PER_S, 0.0..1.0)), None, |plan| {
+        let mut panel = self.panel(title, (x, Axis::new("velocity", DEG_PER_S, 0.0..1.0)), None, |plan| {
             let start_s = plan.close.first().map_or(0.0, |sample| sample.time_s);
             let pairs = plan.close.windows(2);
             pairs
@@ -93,6 +96,10 @@ impl RotaryPicture<'_> {
                     (pair[1].time_s - start_s, travel_deg / (pair[1].time_s - pair[0].time_s))
                 })
                 .collect()
-        })
+        });
+        let limits = [(self.plots.setup.max_velocities_deg_per_s[axis], letter.to_string())];
+        panel.y.range = with_limits(&panel.y.range, &limits);
+        both_limits(&mut panel, &Ink::limit("limit of the axis"), &limits);
+        panel
     }
 }

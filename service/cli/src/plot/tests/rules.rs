@@ -36,6 +36,7 @@ fn five_axis(interpolated_direction_tolerance_deg: Option<f64>) -> Vec<Figure> {
     let setup = FiveAxisSetup {
         columns: [(1, 1.0), (0, 1.0)],
         letters: ['C', 'A'],
+        max_velocities_deg_per_s: [720.0, 50.0],
         directions: kinematics.rotary_directions(),
         work: Setup { work, tool_length_mm: 0.0 },
         cuts: vec![2..=3],

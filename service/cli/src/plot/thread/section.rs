@@ -146,7 +146,7 @@ impl SectionPicture<'_> {
     }
 
     fn panel(&self, title: &str) -> Panel {
-        let deepest_mm = self.groove.passes.iter().map(|index| self.groove.pass(*index).depth_mm).fold(0.0, f64::max);
+        let deepest_mm = self.groove.deepest_mm();
         let edges = [self.at(0.0, -0.08 * deepest_mm).1, self.at(0.0, 1.08 * deepest_mm).1];
         let y = edges[0].min(edges[1])..edges[0].max(edges[1]);
         let along = self.groove.job.geometry.lead_axis.along().letter();
@@ -163,8 +163,9 @@ impl SectionPicture<'_> {
 
     fn fill_removed(&self, panel: &mut Panel, places: &[f64], removed: &[Removed]) {
         let paper = Ink::fill("", WHITE, 1.0);
+        let least_mm = LEAST_SEEN * self.groove.deepest_mm();
         for one in removed {
-            let cuts = |place: usize| one.after[place] > one.before[place] + 1e-9;
+            let cuts = |place: usize| one.after[place] > one.before[place] + least_mm;
             let line = |depths: &[f64]| -> Vec<Place> {
                 places.iter().zip(depths).map(|(z, depth)| self.at(*z, *depth)).collect()
             };
@@ -196,7 +197,7 @@ impl SectionPicture<'_> {
 
     /// The number of each pass in what it removes, where there is space.
     fn number(&self, panel: &mut Panel, places: &[f64], removed: &[Removed]) {
-        let deepest_mm = self.groove.passes.iter().map(|index| self.groove.pass(*index).depth_mm).fold(0.0, f64::max);
+        let deepest_mm = self.groove.deepest_mm();
         // What lies along a flank is thinner than it is high.
         let slender = (0.5 * self.groove.job.profile.included_angle_deg).to_radians().sin();
         for one in removed {
@@ -212,4 +213,6 @@ impl SectionPicture<'_> {
     }
 }
 
+/// Least thickness that is drawn, as a share of the deepest pass.
+const LEAST_SEEN: f64 = 1e-3;
 const WHITE: RGBColor = RGBColor(255, 255, 255);

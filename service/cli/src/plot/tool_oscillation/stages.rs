@@ -41,6 +41,7 @@ impl StagesPicture<'_> {
             (1.0, Layout::Row(stages))
         };
         let mut subtitle = pass.subtitle();
+        subtitle.push_str(" \u{b7} outlined: where the edge is, filled: what it removes");
         if section.passes.len() > shown {
             subtitle.push_str(&format!(" \u{b7} the first {shown} edges"));
         }

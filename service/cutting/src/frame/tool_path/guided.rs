@@ -38,8 +38,14 @@ impl GuidedTip {
         (self.at_mm, self.cutting) = (None, false);
     }
 
-    /// Follows a move.
-    pub(super) fn follow(&mut self, guided: &GuidedMove, span: SourceSpan, sink: &mut impl ToolPathSink) {
+    /// Follows a move; a cut is drawn as `cut`.
+    pub(super) fn follow(
+        &mut self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        cut: ToolMotion,
+        sink: &mut impl ToolPathSink,
+    ) {
         let line = span.line;
         // The tip moves with the rotary axes and how, only the machine knows.
         if matches!(guided.guide, ToolGuide::Axes | ToolGuide::Align { .. }) {
@@ -65,7 +71,7 @@ impl GuidedTip {
             None => to,
         };
         if let (Some(from_mm), Some(to_mm)) = (before, self.at_mm) {
-            let motion = if cutting { ToolMotion::Cutting } else { ToolMotion::Rapid };
+            let motion = if cutting { cut } else { ToolMotion::Rapid };
             let curve = from.and_then(|from| TipCurve::of(guided, from, to?, span));
             let chords = curve.as_ref().map_or(1, |curve| chord_count(curve.turn_rad()));
             let mut last_mm = from_mm;

@@ -169,7 +169,7 @@ impl Follower {
             OperationKind::Guided(guided) => {
                 self.flush(sink);
                 self.count(&guided.step, span.line, sink);
-                self.tip.follow(guided, *span, sink);
+                self.tip.follow(guided, *span, self.cutting, sink);
             }
             OperationKind::Thread(pass) => {
                 self.flush(sink);
