@@ -90,6 +90,11 @@ fn largest_share(report: &ValidationReport) -> Option<f64> {
     (share > 0.0 && share < 1.0).then_some(share)
 }
 
+fn validate_of(draw: &Draw, program: Program) -> ValidationReport {
+    let (text, config) = program(draw, 1.0);
+    validate(&text, &config)
+}
+
 /// Holds the setpoints of what the report says the machine follows against its limits: with the amplitude as drawn, or the
 /// largest that the report names. Rejects the case where there is none.
 fn measure(draw: &Draw, program: Program, fit: f64, has_jerk: bool) -> Result<ValidationReport, TestCaseError> {
@@ -299,7 +304,9 @@ proptest! {
 
     #[test]
     fn of_threads(draw in draws()) {
-        let report = measure(&draw, thread, FIT, false)?;
+        // The vibration of a thread steps the acceleration at its ends, which is said where it takes more jerk than there is.
+        let steps = validate_of(&draw, thread).findings.iter().any(|finding| finding.code == "THREAD-VIBRATION-STEP");
+        let report = measure(&draw, thread, FIT, !steps)?;
         prop_assert!(!report.threads.is_empty());
     }
 }

@@ -225,6 +225,14 @@ feedwave_program::finding_codes! {
         example: lathe("M3 S2000\nG165 P3 X10 Q1.2\nG0 X14 Z200\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
     }
 
+    "THREAD-VIBRATION-STEP" [THREAD_VIBRATION_STEP: Warning] {
+        meaning: "the start or end of the vibration of a pass takes more jerk than X has at this interpolation period",
+        cause: "The vibration starts from rest, and comes to rest, where it turns back, with its whole acceleration: setpoints \
+              spread that step over their period.",
+        cure: "Use the amplitude or the spindle speed that the finding names, or a drive that smooths such a step.",
+        example: on("lathe, interpolation_period_us = 250", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
+    }
+
     "THREAD-VIBRATION-LATE" [THREAD_VIBRATION_LATE: Warning] {
         meaning: "the vibration of a pass comes into its phase in the work already",
         cause: "The delay of the vibration, or its start from rest in the middle of the wave over two vibrations, takes longer than the approach to the work.",

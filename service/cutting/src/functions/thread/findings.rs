@@ -21,6 +21,8 @@ const SAME_ANGLE_DEG: f64 = 0.01;
 const ROUNDING: f64 = 1e-9;
 const AXIS_CODES: AxisCodes =
     [code::THREAD_VIBRATION_VELOCITY, code::THREAD_VIBRATION_ACCELERATION, code::THREAD_VIBRATION_JERK];
+/// Largest third difference of a step of acceleration at setpoints, as a share of the step over their period.
+const STEP_OVER_PERIOD: f64 = 0.75;
 /// Lengths that differ by less count as equal, mm.
 const SAME_LENGTH_MM: f64 = 1e-9;
 
@@ -34,6 +36,7 @@ pub(super) fn thread(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadRepo
         start::start(job, limits, index, pass, findings);
         if job.passes[index].vibrates() {
             axis(job, limits, index, findings);
+            step(job, limits, index, findings);
             breaking::broken(job, report, index, findings);
         }
         load(job, limits, index, pass, findings);
@@ -204,6 +207,47 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
         let cure = format!("turn at {} rev/min at most", decimal(speed, 1));
         findings.push(finding.suggest_value(cure, None, "spindle_speed", speed, "rev/min"));
     }
+}
+
+/// What the ends of the vibration ask of the axis across the lead: it starts from rest, and comes to rest, at its whole
+/// acceleration (A/2)·(2πDn)². Setpoints spread the step over the period T: their third difference is up to ¾ of it over T,
+/// the peak of the quadratic B-spline.
+fn step(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut FindingLog) {
+    if limits.period_s <= 0.0 {
+        return;
+    }
+    let pass = &job.passes[index];
+    let rad_per_s = TAU * job.frequency_hz();
+    let step = 0.5 * pass.amplitude_mm * rad_per_s * rad_per_s;
+    let (jerk, limit) = (STEP_OVER_PERIOD * step / limits.period_s, limits.vibration_jerk_mm_per_s3);
+    if jerk <= limit * (1.0 + ROUNDING) {
+        return;
+    }
+    let message = format!(
+        "the vibration of pass {} starts or ends with its whole acceleration of {} mm/s²: at this period a jerk of up to {} \
+         mm/s³ of {}, whose limit is {}",
+        number(index),
+        decimal(step, 1),
+        decimal(jerk, 0),
+        job.geometry.lead_axis.across().letter(),
+        decimal(limit, 0)
+    );
+    let share = limit / jerk;
+    let mut finding = Finding::new(code::THREAD_VIBRATION_STEP, pass.span, message)
+        .at("pass", number(index))
+        .ranked("", jerk / limit)
+        .with_value("step", step, "mm/s²")
+        .with_value("jerk", jerk, "mm/s³")
+        .with_value("limit", limit, "mm/s³");
+    let permitted_mm = round_down(pass.amplitude_mm * share, 4);
+    if permitted_mm > 0.0 {
+        let across = job.geometry.lead_axis.across_words();
+        let cure = format!("within the limit are {} mm {across}", decimal(permitted_mm, 4));
+        finding = finding.suggest_value(cure, None, "amplitude", permitted_mm, "mm");
+    }
+    let speed = round_down(job.spindle_rev_per_min * libm::sqrt(share), 1);
+    let cure = format!("turn at {} rev/min at most", decimal(speed, 1));
+    findings.push(finding.suggest_value(cure, None, "spindle_speed", speed, "rev/min"));
 }
 
 /// Share of the amplitude that keeps a limit; the taper takes its part of the velocity first.

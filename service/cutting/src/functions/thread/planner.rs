@@ -117,6 +117,7 @@ fn is_cured_by_passes(finding: &Finding) -> bool {
         code::THREAD_VIBRATION_VELOCITY,
         code::THREAD_VIBRATION_ACCELERATION,
         code::THREAD_VIBRATION_JERK,
+        code::THREAD_VIBRATION_STEP,
         code::THREAD_THICKNESS,
     ]
     .contains(&finding.code)
