@@ -27,7 +27,8 @@ pub use limits::{
 };
 pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{
-    Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
+    Ahead, MOST_BYTES_WITHIN_REACH, MOST_WITHIN_REACH, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch,
+    Planner, PlannerSettings, TooFast, TooManyWithinReach,
 };
 pub use profile::{PhaseKind, PhaseTimes, Profile, ProfilePart, StretchProfile};
 pub use smoothing::{Carried, CornerSpeed, Deviation, Joining, Origin, PathSmoother, Smoothed};

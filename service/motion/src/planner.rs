@@ -31,6 +31,7 @@ use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE, LEAST_START, WINDOW_BYTES};
 use crate::{Machine, Stretch};
 
 use reach::WithinReach;
+pub use reach::{MOST_BYTES_WITHIN_REACH, MOST_WITHIN_REACH, TooManyWithinReach};
 use refine::{Released, Row};
 pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
 use runs::{Node, Plan, Run, Stop};
@@ -177,17 +178,22 @@ impl<B> Planner<B> {
         self.held.is_some()
     }
 
-    /// Adds the next element.
-    pub fn push_motion(&mut self, request: MotionRequest) {
-        if request.reach_mm > 0.0 {
-            self.within_reach.push(request);
-            while let Some(known) = self.within_reach.pop() {
-                self.plan_motion(known);
-            }
-        } else {
+    /// Adds the next element. Says so where more is within reach of the first that waits than may wait: all that waits is then
+    /// planned without what follows, and may exceed limits.
+    pub fn push_motion(&mut self, request: MotionRequest) -> Option<TooManyWithinReach> {
+        if request.reach_mm == 0.0 {
             self.plan_all_within_reach();
             self.plan_motion(request);
+            return None;
         }
+        let too_many = self.within_reach.push(request);
+        if too_many.is_some() {
+            self.plan_all_within_reach();
+        }
+        while let Some(known) = self.within_reach.pop() {
+            self.plan_motion(known);
+        }
+        too_many
     }
 
     /// Nothing that follows is within reach of what waits.

@@ -116,7 +116,9 @@ fn few_bytes_cost_no_more_than_time() {
         let machine = machine();
         let mut planner: Planner<u32> =
             Planner::new(PlannerSettings::new(&machine, WINDOW, PERIOD_S).with_window_bytes(bytes));
-        (0..100).for_each(|number| planner.push_motion(request(part(number, 20), &machine, 6_000.0)));
+        for number in 0..100 {
+            planner.push_motion(request(part(number, 20), &machine, 6_000.0));
+        }
         planner.finish();
         let items = std::iter::from_fn(|| planner.pop());
         let durations = items.map(|item| match item {

@@ -9,18 +9,29 @@ use serde::{Deserialize, Serialize};
 
 use crate::{MotionRequest, PathLimits, Stretch, Stretches};
 
-/// Elements that wait at most. Only those shorter than this part of the reach are more; the first are then planned without
-/// the last.
-const MOST_HELD: usize = 256;
+/// Elements that wait at most, 8 mm before and behind with blocks of 1 µm: only those shorter than this part of the reach are
+/// more. All that wait are then planned without those that follow ([`TooManyWithinReach`]).
+pub const MOST_WITHIN_REACH: usize = 1 << 14;
+/// Bytes that they take at most, whatever curves they are: twice what so many straight blocks take.
+pub const MOST_BYTES_WITHIN_REACH: usize = 40 << 20;
 
 /// Share of the reach that is not worth a stretch of its own.
 const LEAST_PART: f64 = 0.1;
+
+/// More is within reach than may wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooManyWithinReach {
+    /// Elements; fewer than [`MOST_WITHIN_REACH`] where their bytes are too many.
+    pub elements: usize,
+}
 
 /// What waits, and what it has to go by.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct WithinReach {
     /// Each with the path position of its arc length 0, mm.
     held: VecDeque<(f64, MotionRequest)>,
+    /// Bytes that they take.
+    bytes: usize,
     /// The stretches within reach of the end as they were pushed.
     spans: VecDeque<Span>,
     /// Path position of the end, mm.
@@ -35,8 +46,8 @@ struct Span {
 }
 
 impl WithinReach {
-    /// Takes in an element.
-    pub(super) fn push(&mut self, mut request: MotionRequest) {
+    /// Takes in an element. All that wait have the same reach.
+    pub(super) fn push(&mut self, mut request: MotionRequest) -> Option<TooManyWithinReach> {
         let reach_mm = request.reach_mm;
         let origin_mm = self.end_mm - request.start;
         let mut start = request.start;
@@ -46,26 +57,53 @@ impl WithinReach {
                 let to = stretch.end.min(span.end_mm + reach_mm - origin_mm);
                 lower(&mut request, [start, to], &span.limits, reach_mm);
             }
-            for (held_origin_mm, held) in &mut self.held {
-                lower(held, [from_mm - reach_mm - *held_origin_mm, f64::INFINITY], &stretch.limits, reach_mm);
+            // What the stretch before has not lowered is out of reach.
+            if self.spans.back().is_none_or(|before| is_lower(&stretch.limits, &before.limits)) {
+                for (held_origin_mm, held) in &mut self.held {
+                    self.bytes -= held.bytes();
+                    lower(held, [from_mm - reach_mm - *held_origin_mm, f64::INFINITY], &stretch.limits, reach_mm);
+                    self.bytes += held.bytes();
+                }
             }
             lower(&mut request, [start - reach_mm, start], &stretch.limits, reach_mm);
             start = stretch.end;
             self.end_mm = origin_mm + start;
-            self.spans.push_back(Span { end_mm: self.end_mm, limits: stretch.limits });
+            match self.spans.back_mut().filter(|span| span.limits == stretch.limits) {
+                Some(span) => span.end_mm = self.end_mm,
+                None => self.spans.push_back(Span { end_mm: self.end_mm, limits: stretch.limits }),
+            }
         }
         let out_of_reach = |span: &Span| span.end_mm <= self.end_mm - reach_mm;
         let gone = self.spans.iter().take_while(|span| out_of_reach(span)).count();
         self.spans.drain(..gone);
+        self.bytes += request.bytes();
         self.held.push_back((origin_mm, request));
+        if self.is_known() { None } else { self.too_many() }
+    }
+
+    /// What waits, where that is more than may.
+    fn too_many(&self) -> Option<TooManyWithinReach> {
+        let elements = self.held.len();
+        let too_many = elements > MOST_WITHIN_REACH || self.bytes > MOST_BYTES_WITHIN_REACH;
+        too_many.then_some(TooManyWithinReach { elements })
+    }
+
+    /// Whether all within reach behind the end of the first is known.
+    fn is_known(&self) -> bool {
+        self.held.front().is_some_and(|(origin_mm, first)| {
+            let end_mm = origin_mm + first.stretches.last().map_or(first.start, |stretch| stretch.end);
+            end_mm <= self.end_mm - first.reach_mm
+        })
     }
 
     /// The next element behind whose end all within reach is known.
     pub(super) fn pop(&mut self) -> Option<MotionRequest> {
-        let (origin_mm, first) = self.held.front()?;
-        let end_mm = origin_mm + first.stretches.last().map_or(first.start, |stretch| stretch.end);
-        let is_known = end_mm <= self.end_mm - first.reach_mm || self.held.len() > MOST_HELD;
-        if is_known { self.held.pop_front().map(|(_, request)| request) } else { None }
+        if !self.is_known() {
+            return None;
+        }
+        let (_, first) = self.held.pop_front()?;
+        self.bytes -= first.bytes();
+        Some(first)
     }
 
     /// What waits, in order.
@@ -79,15 +117,15 @@ impl WithinReach {
     }
 }
 
+/// Whether any of these limits is below that of others.
+fn is_lower(limits: &PathLimits, others: &PathLimits) -> bool {
+    limits.velocity < others.velocity || limits.acceleration < others.acceleration || limits.jerk < others.jerk
+}
+
 /// Lowers the limits of an element between two arc lengths to these.
 fn lower(request: &mut MotionRequest, [from, to]: [f64; 2], limits: &PathLimits, reach_mm: f64) {
-    let is_lower = |stretch: &Stretch| {
-        limits.velocity < stretch.limits.velocity
-            || limits.acceleration < stretch.limits.acceleration
-            || limits.jerk < stretch.limits.jerk
-    };
     let mut start = request.start;
-    let is_met = |start: f64, stretch: &Stretch| start < to && stretch.end > from && is_lower(stretch);
+    let is_met = |start: f64, stretch: &Stretch| start < to && stretch.end > from && is_lower(limits, &stretch.limits);
     let mut starts = request.stretches.iter().map(|stretch| core::mem::replace(&mut start, stretch.end));
     if !request.stretches.iter().any(|stretch| starts.next().is_some_and(|start| is_met(start, stretch))) {
         return;
@@ -168,9 +206,26 @@ mod tests {
     }
 
     #[test]
+    fn what_is_within_reach_waits_however_short_it_is_up_to_a_bound() {
+        let mut within = WithinReach::default();
+        let short = 0.5 / MOST_WITHIN_REACH as f64;
+        for _ in 0..MOST_WITHIN_REACH - 1 {
+            assert_eq!(within.push(request(short, 500.0)), None);
+        }
+        assert_eq!(within.push(request(short, 100.0)), None);
+        assert_eq!(within.pop(), None, "all of it is within reach");
+        assert!(within.waiting().all(|request| parts(request) == [(short, 100.0)]));
+        let too_many = TooManyWithinReach { elements: MOST_WITHIN_REACH + 1 };
+        assert_eq!(within.push(request(short, 100.0)), Some(too_many));
+        assert_eq!(within.take().len(), too_many.elements);
+    }
+
+    #[test]
     fn a_lower_limit_reaches_over_several_elements_and_equal_ones_divide_nothing() {
         let mut within = WithinReach::default();
-        [0.3, 0.3, 0.3, 5.0].into_iter().for_each(|length| within.push(request(length, 500.0)));
+        for length in [0.3, 0.3, 0.3, 5.0] {
+            within.push(request(length, 500.0));
+        }
         within.push(request(2.0, 100.0));
         let held = within.take();
         let found: Vec<_> = held.iter().map(|(_, request)| parts(request)).collect();

@@ -1,6 +1,6 @@
 //! Checks of every move by the state of the program: tool, spindle speed and feed.
 
-use feedwave_motion::{Element, Stretches};
+use feedwave_motion::{Element, MOST_BYTES_WITHIN_REACH, MOST_WITHIN_REACH, Stretches};
 use feedwave_program::{Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
 use super::Builder;
@@ -10,6 +10,21 @@ use crate::shared::checks::{MAX_BLOCK_DURATION_S, is_rotary_only, too_long};
 
 /// Different tools listed; a program can name a billion.
 const MAX_LISTED_TOOLS: usize = 1_000;
+
+/// More of the path lies within reach of a vibration than is held at once.
+pub(crate) fn blocks_too_short(span: SourceSpan, blocks: usize) -> Finding {
+    let within = "within one amplitude, or one blend of an oscillation, of the tool";
+    let (message, value) = if blocks > MOST_WITHIN_REACH {
+        (format!("more than {MOST_WITHIN_REACH} blocks lie {within}"), ("limit", MOST_WITHIN_REACH as f64))
+    } else {
+        // Curves of many points: fewer blocks, which take as much.
+        let megabytes = MOST_BYTES_WITHIN_REACH >> 20;
+        (format!("{blocks} blocks lie {within}, and take more than {megabytes} MiB"), ("blocks", blocks as f64))
+    };
+    Finding::new(code::VIB_BLOCKS_TOO_SHORT, span, message)
+        .with_value(value.0, value.1, "")
+        .suggest("use a smaller amplitude, or longer blocks")
+}
 
 impl Builder {
     pub(super) fn tool(&mut self, number: u32, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {

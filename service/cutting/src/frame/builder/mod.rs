@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 
 use feedwave_motion::{
     Deviation, Element, Joining, LimitExceeded, Machine, MachineAxis, MotionRequest, PathLimits, PathSmoother, Planner,
-    Smoothed, missing_axis, stretches,
+    Smoothed, TooManyWithinReach, missing_axis, stretches,
 };
 use feedwave_program::{
     DwellTime, Finding, FindingLog, MachineCommand, MachineEffect, Move, MoveKind, Operation, OperationKind,
@@ -18,6 +18,7 @@ use feedwave_program::{
 };
 use serde::{Deserialize, Serialize};
 
+pub(crate) use self::checks::blocks_too_short;
 pub(crate) use self::functions::FunctionAnalysis;
 use self::functions::Functions;
 use crate::code;
@@ -398,7 +399,10 @@ impl Builder {
         request.reach_mm = superposed.reach_mm();
         request.has_full_limits = superposed.has_full_limits();
         request.origin = origin;
-        planner.push_motion(request);
+        if let Some(TooManyWithinReach { elements }) = planner.push_motion(request) {
+            let on_span = self.state.functions.vibration.on_span().unwrap_or(span);
+            findings.push(blocks_too_short(on_span, elements).at("line", span.line.into()));
+        }
     }
 
     /// Whether a section in progress reports what its axes cannot follow.

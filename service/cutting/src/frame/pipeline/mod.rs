@@ -8,15 +8,15 @@ mod reading;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use feedwave_motion::Planner;
 use feedwave_motion::kinematics::Kinematics;
+use feedwave_motion::{MOST_BYTES_WITHIN_REACH, MOST_WITHIN_REACH, Planner};
 use feedwave_program::{
     Finding, FindingLog, InterpreterState, Operation, Place, Reader, Reading, SourcePages, SourceSpan,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::code;
-use crate::frame::builder::{Analysis, Builder, BuilderState};
+use crate::frame::builder::{Analysis, Builder, BuilderState, blocks_too_short};
 use crate::frame::interpolator::{self, Barrier, Examination, Fill, Interpolator};
 use crate::frame::scout::Scout;
 use crate::frame::timed::TimedPlans;
@@ -36,10 +36,6 @@ pub use config::{
     SpindleChange,
 };
 
-/// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
-const MAX_HELD_ITEMS: usize = 1 << 14;
-/// Most memory that they take, bytes, whatever curves they are: twice what so many straight blocks take.
-const MAX_HELD_BYTES: usize = 40 << 20;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
@@ -385,23 +381,10 @@ impl Pipeline {
     /// Bounds the memory that a vibration of large amplitude on very short blocks takes.
     fn check_held_items(&mut self) {
         let (items, bytes) = (self.interpolator.held_items(), self.interpolator.held_bytes());
-        if items <= MAX_HELD_ITEMS && bytes <= MAX_HELD_BYTES {
-            return;
+        if items > MOST_WITHIN_REACH || bytes > MOST_BYTES_WITHIN_REACH {
+            let span = SourceSpan { line: self.interpolator.line(), column: 1, ..SourceSpan::default() };
+            self.findings.push(blocks_too_short(span, items));
         }
-        let span = SourceSpan { line: self.interpolator.line(), column: 1, ..SourceSpan::default() };
-        let within = "within one amplitude, or one blend of an oscillation, of the tool";
-        let (message, value) = if items > MAX_HELD_ITEMS {
-            (format!("more than {MAX_HELD_ITEMS} blocks lie {within}"), ("limit", MAX_HELD_ITEMS as f64))
-        } else {
-            // Curves of many points: fewer blocks, which take as much.
-            let megabytes = MAX_HELD_BYTES >> 20;
-            (format!("{items} blocks lie {within}, and take more than {megabytes} MiB"), ("blocks", items as f64))
-        };
-        self.findings.push(
-            Finding::new(code::VIB_BLOCKS_TOO_SHORT, span, message)
-                .with_value(value.0, value.1, "")
-                .suggest("use a smaller amplitude, or longer blocks"),
-        );
     }
 
     /// Forgets what is planned but will not be interpolated.

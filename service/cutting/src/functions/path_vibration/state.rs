@@ -171,6 +171,11 @@ impl Vibration {
         self.switch.is_on()
     }
 
+    /// Where it was switched on.
+    pub(crate) fn on_span(&self) -> Option<SourceSpan> {
+        self.switch.on().map(Modal::on_span)
+    }
+
     /// Carries out a block that switches it; an open section is closed before.
     pub(crate) fn turn(
         &mut self,
