@@ -18,13 +18,13 @@ pub(crate) fn is_rotary_only(element: &Element) -> bool {
 pub(crate) fn missing(axis: Axis, span: SourceSpan, machine: &Machine) -> Finding {
     let letter = axis.letter();
     let finding = Finding::new(code::AXIS_MISSING, span, format!("the machine has no {letter} axis"))
-        .suggest("remove the word, or add the axis to the machine profile");
+        .suggest("remove the word, or add the axis to the machine profile")
+        .everywhere(letter.to_string());
     if machine.kind == MachineKind::Lathe && matches!(axis, Axis::A | Axis::C) {
         let cure = "where A is the angle of a line and C a chamfer, set language.plain_drawing_words of the machine profile to true";
-        // One setting cures both letters.
-        return finding.suggest(cure).everywhere("A C");
+        return finding.suggest(cure);
     }
-    finding.everywhere(axis.letter().to_string())
+    finding
 }
 
 pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {
