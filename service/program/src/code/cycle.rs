@@ -61,21 +61,21 @@ crate::finding_codes! {
         cause: "`I` is the radius of the first circle, at least that of the tool (`D`); `K`, the radius of the last one, is larger \
               and goes with `Q`, the step from circle to circle; `L` repeats it.",
         cure: "Write the words that the finding names.",
-        example: mill("M3 S1000\nG0 X0 Y0 Z2\nG13 D0 Z-2 F100"),
+        example: on("mill, language.drilling.style = DRILLING_STYLE_HAAS", "M3 S1000\nG0 X0 Y0 Z2\nG13 D0 Z-2 F100"),
     }
 
     "PRG-POCKET-BLOCK" [POCKET_BLOCK: Error] {
         meaning: "a circular pocket (`G12`, `G13`) where controls do not carry it out",
         cause: "It is cut in the plane `G17`, in coordinates in which circles stay circles, with no drilling cycle in force.",
         cure: "End what the finding names before the block.",
-        example: mill("M3 S1000\nG18 G0 X0 Y0 Z2\nG13 D0 I5 Z-2 F100"),
+        example: on("mill, language.drilling.style = DRILLING_STYLE_HAAS", "M3 S1000\nG18 G0 X0 Y0 Z2\nG13 D0 I5 Z-2 F100"),
     }
 
     "PRG-POCKET-PATH" [POCKET_PATH: Info] {
         meaning: "how the tool gets to the circles of a circular pocket (`G12`, `G13`) and from them is not documented",
         cause: "Half circles from the centre and back to it, and straight steps along X from circle to circle, are planned.",
         cure: "Leave room for it within the pocket; nothing is to be done where the pocket is cleared.",
-        example: mill("M3 S1000\nG0 X0 Y0 Z2\nG13 D0 I5 Z-2 F100"),
+        example: on("mill, language.drilling.style = DRILLING_STYLE_HAAS", "M3 S1000\nG0 X0 Y0 Z2\nG13 D0 I5 Z-2 F100"),
     }
 
     "PRG-CYCLE-UNDEFINED" [CYCLE_UNDEFINED: Error] {

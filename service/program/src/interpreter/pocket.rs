@@ -56,7 +56,7 @@ impl Execution<'_> {
         let span = self.block.span();
         let axes = [Axis::X, Axis::Y, Axis::Z].map(|axis| self.letters_of(axis) & self.block.letters);
         let mark = self.findings.mark();
-        let circles = if self.is_pocket_refused(span) { None } else { self.circles(clockwise, span) };
+        let circles = if self.is_pocket_refused(clockwise, span) { None } else { self.circles(clockwise, span) };
         let feed = circles.and_then(|_| self.cutting_feed(0));
         let start = self.state.position;
         let end = self.target(axes.iter().fold(0, |letters, of_axis| letters | of_axis), Frame::Work);
@@ -77,7 +77,7 @@ impl Execution<'_> {
             );
         }
         self.note_pocket_path(span);
-        let is_rapid = matches!(self.state.motion, Motion::Rapid | Motion::PowerOn | Motion::None);
+        let is_rapid = matches!(self.state.motion, Motion::Rapid | Motion::None);
         let kind = if is_rapid { MoveKind::Rapid } else { MoveKind::Cutting };
         let mut center = end;
         center[2] = start[2];
@@ -123,7 +123,11 @@ impl Execution<'_> {
     }
 
     /// Whether a pocket cannot be carried out in what is in force; it is then reported.
-    fn is_pocket_refused(&mut self, span: SourceSpan) -> bool {
+    fn is_pocket_refused(&mut self, clockwise: bool, span: SourceSpan) -> bool {
+        let name = if clockwise { "G12" } else { "G13" };
+        if !self.is_haas_code(name, "a circular pocket", None, span) {
+            return true;
+        }
         let keeps_circles = |plane| self.state.coords.transform.as_ref().is_none_or(|it| it.keeps_circles(plane));
         let (message, cure) = if self.state.plane != Plane::Xy {
             ("a circular pocket is cut in the plane G17", "select it before the block")

@@ -125,16 +125,27 @@ impl Execution<'_> {
 
     /// Whether the control has bolt patterns; elsewhere the codes are something else, which is then reported.
     fn is_bolt_control(&mut self, pattern: BoltPattern, span: SourceSpan) -> bool {
+        let (what, elsewhere) = match pattern {
+            BoltPattern::Circle => ("holes on a circle", Some(("inches", "write G20 for inches"))),
+            BoltPattern::Arc => ("holes on an arc", Some(("millimetres", "write G21 for millimetres"))),
+            BoltPattern::Line => ("holes along a line", None),
+        };
+        self.is_haas_code(pattern.name(), what, elsewhere, span)
+    }
+
+    /// Whether the control is one whose codes are those of Haas; otherwise says what the code is there, and what elsewhere, with the
+    /// cure for that.
+    pub(in super::super) fn is_haas_code(
+        &mut self,
+        name: &'static str,
+        what: &'static str,
+        elsewhere: Option<(&'static str, &'static str)>,
+        span: SourceSpan,
+    ) -> bool {
         if self.settings.drilling.style == DrillingStyle::Haas {
             return true;
         }
         self.findings.push_with(code::CYCLE_SETTING, |code| {
-            let (what, elsewhere) = match pattern {
-                BoltPattern::Circle => ("holes on a circle", Some(("inches", "write G20 for inches"))),
-                BoltPattern::Arc => ("holes on an arc", Some(("millimetres", "write G21 for millimetres"))),
-                BoltPattern::Line => ("holes along a line", None),
-            };
-            let name = pattern.name();
             let mut message = format!("{name} is {what} on Haas mills");
             if let Some((units, _)) = elsewhere {
                 message.push_str(&format!(", and {units} on others"));

@@ -113,7 +113,7 @@ fn what_is_wrong_with_a_pattern_is_one_finding() {
 #[test]
 fn a_circular_pocket_is_cut_in_circles_from_its_centre() {
     check(
-        &mill(),
+        &haas(),
         "G0 X10 Y20 Z2\nG13 D0 I5 Z-2 F100\nG12 I5 K12 Q4 D0\nG0 Z2",
         "rapid 0 -> X10 Y20 Z2
          line X10 Y20 Z2 -> X10 Y20 Z-2 @100/min
@@ -132,7 +132,7 @@ fn a_circular_pocket_is_cut_in_circles_from_its_centre() {
     );
     // Deeper in every round; the place is that of the block, and a circle as small as the tool is none.
     check(
-        &mill(),
+        &haas(),
         "G91 G13 D0 I5 Z-2 L2 F100\nG90 G0 Z2",
         "line 0 -> Z-2 @100/min
          arc Z-2 -> X5 Z-2 about 2.5,0 by 180 @100/min
@@ -147,7 +147,7 @@ fn a_circular_pocket_is_cut_in_circles_from_its_centre() {
     );
     let tools = vec![ToolOffset::new(3).with_radius(4.0)];
     let run = |program: &str| {
-        let interpreter = Interpreter::new(mill()).with_tools(tools.clone());
+        let interpreter = Interpreter::new(haas()).with_tools(tools.clone());
         let (operations, findings) = interpreter.read_all(format!("{program}\nM30\n").as_bytes());
         let ends = operations.iter().filter_map(|operation| match &operation.kind {
             OperationKind::Move(step) => Some([step.end[0], step.end[1]]),
@@ -186,6 +186,9 @@ fn what_is_wrong_with_a_circular_pocket_is_one_finding() {
         assert_eq!(found(&format!("F100\nG13 {words}")), ["2:PRG-POCKET-WORD"], "{words}");
     }
     assert_eq!(found("G13 I5 D0"), ["1:PRG-FEED-MISSING"]);
+    let (_, findings) = interpret(b"G0 Z2\nG13 D0 I5 Z-2 F100\nM30\n", mill());
+    let codes: Vec<_> = findings.findings().iter().map(|it| it.code.to_string()).collect();
+    assert_eq!(codes, ["PRG-CYCLE-SETTING"], "no other control is known to have it");
     assert_eq!(found("F100\nG91 G13 X5 I5 D0 L2 Z-1"), ["2:PRG-POCKET-WORD"]);
     assert_eq!(found("F100 G18\nG13 I5 D0"), ["2:PRG-POCKET-BLOCK"]);
     assert_eq!(found("F100 G16\nG13 I5 D0"), ["2:PRG-POCKET-BLOCK"]);
