@@ -72,11 +72,11 @@ pub enum FeedMode {
     PerRevolution,
 }
 
-/// The motion that a FANUC or Haas control has in force before the program names one.
+/// The motion that a control has in force before the program names one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InitialMotion {
-    /// `G0`, the factory setting of both.
+    /// `G0`
     Rapid,
     /// `G1`
     Linear,
@@ -178,8 +178,8 @@ pub struct LanguageSettings {
     pub x_word: XWord,
     /// Feed mode at program start.
     pub initial_feed_mode: FeedMode,
-    /// Motion before the first motion code, which a parameter of the control says (FANUC: 3402, bit 0); without it rapid, with a
-    /// finding where a program relies on it. LinuxCNC has none.
+    /// Motion before the first motion code, which a parameter of the control says (FANUC: 3402, bit 0). Without it a program that
+    /// relies on it is refused, but for Haas controls, which start with `G0`. LinuxCNC has none.
     pub initial_motion: Option<InitialMotion>,
     /// Path control at program start.
     pub initial_path_control: PathControlMode,
@@ -292,6 +292,16 @@ impl Default for LanguageSettings {
 }
 
 impl LanguageSettings {
+    /// The motion in force before the first motion code, where it is known.
+    pub(crate) fn motion_at_power_on(&self) -> Option<InitialMotion> {
+        if self.dialect == DialectName::LinuxCnc {
+            return None;
+        }
+        // The manuals of Haas controls state theirs, and no parameter changes it.
+        let is_haas = self.drilling.style == DrillingStyle::Haas || self.coordinates.style == CoordinateStyle::Haas;
+        self.initial_motion.or(is_haas.then_some(InitialMotion::Rapid))
+    }
+
     /// Default settings of a milling machine: `mill` dialect, radius X, feed per minute.
     #[must_use]
     pub fn mill() -> Self {

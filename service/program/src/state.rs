@@ -15,8 +15,8 @@ use crate::evidence::Evidence;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
 use crate::parameters::Parameters;
 use crate::{
-    AxisSet, Compensator, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Place, Plane, Position,
-    SourceSpan, Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
+    AxisSet, Compensator, Coolant, Feed, FeedMode, Function, InitialMotion, LanguageSettings, PathControl, Place,
+    Plane, Position, SourceSpan, Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -318,10 +318,8 @@ pub(crate) enum Phase {
 /// Modal motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Motion {
-    /// No motion code yet, and none that the control has in force.
+    /// No motion code yet, and none that the control has in force when it is switched on.
     None,
-    /// No motion code yet: what the control has in force when it is switched on.
-    PowerOn,
     Rapid,
     Linear,
     Arc {
@@ -383,9 +381,10 @@ impl InterpreterState {
             reported: Reported::default(),
             position: Position::default(),
             moved_by: SourceSpan::default(),
-            motion: match settings.dialect {
-                crate::DialectName::LinuxCnc => Motion::None,
-                crate::DialectName::Lathe | crate::DialectName::Mill => Motion::PowerOn,
+            motion: match settings.motion_at_power_on() {
+                Some(InitialMotion::Rapid) => Motion::Rapid,
+                Some(InitialMotion::Linear) => Motion::Linear,
+                None => Motion::None,
             },
             motion_code: 800,
             plane: match settings.dialect {

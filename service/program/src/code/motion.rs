@@ -6,15 +6,9 @@ crate::finding_codes! {
 
     "PRG-MOTION-MISSING" [MOTION_MISSING: Error] {
         meaning: "axis words, but no motion code in force",
-        cause: "A program for LinuxCNC starts without G0 or G1, or a program goes on after `G5.3` without one.",
-        cure: "Add the motion code to the block.",
-        example: linuxcnc("G21 G90\nX10 Z5\nM2"),
-    }
-
-    "PRG-MOTION-DEFAULT" [MOTION_DEFAULT: Warning] {
-        meaning: "axis words before any motion code, with the motion that the control has in force when it is switched on",
-        cause: "A parameter of FANUC controls says whether that is G0 or G1, and the machine profile does not: G0 is taken.",
-        cure: "Write the motion code in the block, or state `language.initial_motion` in the profile.",
+        cause: "The program starts without G0 or G1, of which a parameter of FANUC controls says which one is in force then, and the \
+              machine profile does not; or it goes on after `G5.3` without one.",
+        cure: "Add the motion code to the block, or state `language.initial_motion` in the profile.",
         example: lathe("X10 Z5"),
     }
 

@@ -149,7 +149,7 @@ impl Execution<'_> {
             None => self.state.motion,
         };
         let code = match motion {
-            Motion::None | Motion::PowerOn | Motion::Rapid => return,
+            Motion::None | Motion::Rapid => return,
             Motion::Linear => code::LENGTH_WHILE_CUTTING_STRAIGHT,
             _ => code::LENGTH_WHILE_CUTTING,
         };

@@ -9,8 +9,7 @@ use crate::consequence::JUDGED_BY;
 use crate::dialect::{Code, FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
 use crate::state::{InterpreterState, Motion};
 use crate::{
-    ArcGeometry, AxisSet, CoordinateStyle, DrillingStyle, Feed, Finding, InitialMotion, Move, MoveKind, Operation,
-    OperationKind, PathControl, Position,
+    ArcGeometry, AxisSet, DialectName, Feed, Finding, Move, MoveKind, Operation, OperationKind, PathControl, Position,
 };
 
 /// The letters of an arc's centre.
@@ -62,9 +61,6 @@ impl Execution<'_> {
             return;
         }
         let Some(frame) = self.frame() else { return };
-        if self.state.motion == Motion::PowerOn && frame == Frame::Work {
-            self.power_on_motion();
-        }
         if self.is_done_by_mode(frame, before) {
             return;
         }
@@ -256,7 +252,7 @@ impl Execution<'_> {
                     self.emit(self.block.span(), OperationKind::Move(step));
                 }
             }
-            Motion::None | Motion::PowerOn => self.motion_missing(),
+            Motion::None => self.motion_missing(),
             Motion::Doubtful { tenths, line } => {
                 self.used |= CURVE_LETTERS;
                 self.doubtful_before(tenths, line);
@@ -298,7 +294,7 @@ impl Execution<'_> {
     /// FANUC controls go to machine positions rapidly, unless a line is in force.
     fn rapid_to_machine(&mut self, before: Motion) {
         let is_in_force = self.block.code(Group::Motion).is_none();
-        if is_in_force && matches!(before, Motion::None | Motion::PowerOn | Motion::Arc { .. }) {
+        if is_in_force && matches!(before, Motion::None | Motion::Arc { .. }) {
             self.machine_rapid = true;
         }
     }
@@ -389,45 +385,21 @@ impl Execution<'_> {
         }
     }
 
-    /// Axis words before any motion code: what the control has in force when it is switched on counts.
-    #[cold]
-    fn power_on_motion(&mut self) {
-        let axes = self.block.letters & self.table.axis_letters & !self.used;
-        let is_of_plane = self.block.code(Group::Rotation).is_some();
-        if axes == 0 || is_of_plane || self.block.unclear || self.state.drilling.cycle.is_some() {
-            return;
-        }
-        if self.state.unread & letter_bit(b'G') != 0 {
-            // The code that could not be read may have been the one.
-            self.state.motion = Motion::Unclear;
-            return;
-        }
-        self.state.motion = match self.settings.initial_motion {
-            Some(InitialMotion::Linear) => Motion::Linear,
-            Some(InitialMotion::Rapid) | None => Motion::Rapid,
-        };
-        // The manuals of Haas controls state theirs, and no parameter changes it.
-        let is_haas = self.settings.drilling.style == DrillingStyle::Haas
-            || self.settings.coordinates.style == CoordinateStyle::Haas;
-        if self.settings.initial_motion.is_some() || is_haas {
-            return;
-        }
-        let span = self.block.span();
-        self.findings.push_with(code::MOTION_DEFAULT, |code| {
-            let message = "axis words before any motion code: G0 is taken, as FANUC controls come, whose parameter 3402 may say G1";
-            Finding::new(code, span, message).suggest("write G0 or G1 in the block").suggest(
-                "set language.initial_motion of the machine profile to INITIAL_MOTION_RAPID or INITIAL_MOTION_LINEAR, as bit 0 of that parameter is 0 or 1",
-            )
-        });
-    }
-
     /// Reports axis words while no motion code is in force, once.
     #[cold]
     pub(super) fn motion_missing(&mut self) {
         self.state.motion = Motion::Unclear;
         let span = self.block.span();
         self.findings.push_with(code::MOTION_MISSING, |code| {
-            Finding::new(code, span, "axis words, but no motion code says how to move").suggest("add G0 or G1")
+            let finding =
+                Finding::new(code, span, "axis words, but no motion code says how to move").suggest("add G0 or G1");
+            if self.settings.dialect == DialectName::LinuxCnc {
+                return finding;
+            }
+            finding.suggest(
+                "set language.initial_motion of the machine profile to INITIAL_MOTION_RAPID or INITIAL_MOTION_LINEAR, as \
+                 the control has it (FANUC: parameter 3402, bit 0, is 0 or 1)",
+            )
         });
     }
 

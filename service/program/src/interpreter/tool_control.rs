@@ -271,7 +271,7 @@ impl Execution<'_> {
                 let feed = spline.as_ref().and_then(|_| self.cutting_feed(axes));
                 (MoveKind::Cutting, spline.map_or(GuidedPath::Straight, GuidedPath::Spline), feed)
             }
-            Motion::None | Motion::PowerOn => {
+            Motion::None => {
                 self.motion_missing();
                 return None;
             }

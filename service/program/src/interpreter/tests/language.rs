@@ -339,14 +339,13 @@ fn groups_duplicates_and_strangers() {
     check(&mill(), "G0 X1000000001", "! 1:4+11 PRG-NUMBER-RANGE");
     check(&mill(), "G0 X", "! 1:4+1 PRG-NUMBER-MISSING");
     check(&mill(), "G0 X1 000.", "rapid 0 -> X1000\nw 1:4+7 PRG-NUMBER-SPACED");
-    check(&linuxcnc(), "X1 Y2\nX3\nG0 X4", "rapid X3 Y2 -> X4 Y2\n! 1:1+5 PRG-MOTION-MISSING");
+    check(&mill(), "X1 Y2\nX3\nG0 X4", "rapid X3 Y2 -> X4 Y2\n! 1:1+5 PRG-MOTION-MISSING");
 }
 
 #[test]
-fn before_the_first_motion_code_the_control_has_one_in_force() {
+fn before_the_first_motion_code_the_control_may_have_one_in_force() {
     let rapids = "rapid 0 -> X1 Y2\nrapid X1 Y2 -> X3 Y2\nline X3 Y2 -> X4 Y2 @100/min";
     let program = "X1 Y2\nX3\nG1 X4 F100";
-    check(&mill(), program, &format!("{rapids}\nw 1:1+5 PRG-MOTION-DEFAULT"));
     let stated = |initial_motion| LanguageSettings { initial_motion: Some(initial_motion), ..mill() };
     check(&stated(crate::InitialMotion::Rapid), program, rapids);
     let lines = "line 0 -> X1 Y2 @50/min\nline X1 Y2 -> X3 Y2 @50/min\nline X3 Y2 -> X4 Y2 @100/min";
@@ -355,7 +354,15 @@ fn before_the_first_motion_code_the_control_has_one_in_force() {
     let mut haas = mill();
     haas.coordinates.style = crate::CoordinateStyle::Haas;
     check(&haas, program, rapids);
-    check(&lathe(), "X10 Z5", "rapid 0 -> X5 Z5\nw 1:1+6 PRG-MOTION-DEFAULT");
+    // LinuxCNC has none, whatever a profile says.
+    let stated = LanguageSettings { initial_motion: Some(crate::InitialMotion::Rapid), ..linuxcnc() };
+    for settings in [mill(), lathe(), linuxcnc(), stated] {
+        let (_, findings) = interpret(b"X10\nM30\n", settings.clone());
+        let codes: Vec<_> = findings.findings().iter().map(|it| it.code.to_string()).collect();
+        assert_eq!(codes, ["PRG-MOTION-MISSING"], "{:?}", settings.dialect);
+        let has_setting = settings.dialect != crate::DialectName::LinuxCnc;
+        assert_eq!(findings.findings()[0].suggestions.len(), if has_setting { 2 } else { 1 });
+    }
     // What has a code of its own does not rely on it.
     check(&mill(), "G53 X20\nG0 X1", "rapid 0 -> X20\nrapid X20 -> X1");
     check(&mill(), "G28 X5", "rapid 0 -> X5\nrapid X5 -> 0");

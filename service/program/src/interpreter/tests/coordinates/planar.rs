@@ -147,8 +147,8 @@ fn rotation() {
             "6:PRG-COORD-BLOCK",
             "7:PRG-COORD-BLOCK",
             "8:PRG-COORD-BLOCK",
-            "10:PRG-MOTION-DEFAULT",
             "10:PRG-COORD-INCREMENT",
+            "10:PRG-MOTION-MISSING",
         ],
     );
 }
