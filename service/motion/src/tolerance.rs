@@ -296,8 +296,8 @@ pub(crate) const SPEED_GAP: f64 = 1e-3;
 pub(crate) const SPEED_START_SLACK: f64 = 0.3;
 /// How often limits are lowered where they are exceeded between the knots.
 pub(crate) const SPEED_TIGHTENINGS: usize = 6;
-/// Intervals to either side of an exceeded limit that are solved again.
-pub(crate) const SPEED_AROUND: usize = 48;
+/// Intervals to either side of an exceeded limit that are solved again, at first.
+pub(crate) const SPEED_AROUND: usize = 20;
 /// Derivatives at the end of an interval are taken this share of it inside: those of the element that it belongs to.
 pub(crate) const SPEED_SIDE: f64 = 1e-7;
 
@@ -314,8 +314,11 @@ pub(crate) const WINDOW_S: f64 = 1.5;
 pub(crate) const FIRST_WINDOW_S: f64 = 0.3;
 /// Relative difference within which a speed is the commanded one.
 pub(crate) const AT_COMMAND: f64 = 1e-9;
-/// Part of a window's time, from and to, in which the next one takes over.
+/// Part of a window's time, from and to, in which the next one takes over at the earliest.
 pub(crate) const HANDOVER: [f64; 2] = [0.55, 0.75];
+/// Time before a window's end from which on its speed may depend on how it ends, in times of a stop at the most: from and to where the
+/// next one takes over, in windows that are long enough.
+pub(crate) const HANDOVER_STOPS: [f64; 2] = [2.5, 1.5];
 /// A window that takes no more than this times as long as at its commanded speeds gains nothing.
 pub(crate) const WORTHWHILE: f64 = 1.0005;
 /// Time on either side of a junction in which differences of setpoints average over it, s: three periods of 4 ms. At a longer

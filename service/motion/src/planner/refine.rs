@@ -19,8 +19,8 @@ use super::{Planned, PlannedMotion, Planner};
 use crate::junction::Junction;
 use crate::speed::{AxisLimits, Course, End, Guess, Path, Span, SpeedPlanner, Window};
 use crate::tolerance::{
-    AT_COMMAND, AT_REST, FIRST_WINDOW_S, HANDOVER, KEPT_KNOTS, LEAST_FOUND_S, MOST_RUN_S, NO_RESERVE, OTHER_WINDOWS,
-    RESERVED_S, SMOOTH_RESERVE, WINDOW_S, WORTHWHILE,
+    AT_COMMAND, AT_REST, FIRST_WINDOW_S, HANDOVER, HANDOVER_STOPS, KEPT_KNOTS, LEAST_FOUND_S, MOST_RUN_S, NO_RESERVE,
+    OTHER_WINDOWS, RESERVED_S, SMOOTH_RESERVE, WINDOW_S, WORTHWHILE,
 };
 use crate::{Curve, ProfilePart, StretchProfile};
 
@@ -272,11 +272,12 @@ impl Row {
         match outcome {
             Outcome::Faster(course) => {
                 self.window_s = window_s;
-                self.keep(ready, &course, count, (!is_last).then_some(joints));
+                self.keep(ready, &course, count, (!is_last).then_some(joints), limits.least());
             }
             other if self.found.is_some() => {
                 let joints = self.joints(&ahead.nodes[..self.known]);
-                self.go_on_with_found(ready, joints, matches!(other, Outcome::NotFound));
+                let may_find_later = matches!(other, Outcome::NotFound);
+                self.go_on_with_found(ready, joints, may_find_later, limits.least());
             }
             Outcome::NotFound if count > single => match self.plan_alone(&ahead, single, limits, speed) {
                 Some(course) => self.put(ready, &course, Some(single)),
@@ -294,11 +295,12 @@ impl Row {
         ready: &mut VecDeque<Released<B>>,
         joints: Vec<(f64, f64)>,
         may_find_later: bool,
+        least: [f64; 2],
     ) {
         let known = self.known;
         let Some(found) = self.found.take() else { return };
         if may_find_later && found.duration() > LEAST_FOUND_S {
-            self.keep(ready, &found, known, Some(joints));
+            self.keep(ready, &found, known, Some(joints), least);
         } else {
             self.put(ready, &found, Some(known));
         }
@@ -322,17 +324,18 @@ impl Row {
     }
 
     /// Settles what a window over `count` stretches has found: all of the last one, of others, which have joints, up to where the
-    /// next one takes over.
+    /// next one takes over, by the smallest acceleration and jerk of an axis.
     fn keep<B>(
         &mut self,
         ready: &mut VecDeque<Released<B>>,
         course: &Course,
         count: usize,
         joints: Option<Vec<(f64, f64)>>,
+        least: [f64; 2],
     ) {
         self.found = None;
         let Some(joints) = joints else { return self.put(ready, course, Some(count)) };
-        let kept = course.calmest_place(HANDOVER);
+        let kept = course.handover(HANDOVER, HANDOVER_STOPS, least);
         let found = course.between(kept, course.length());
         let reach = RESERVED_S * found.state(0.0).1;
         self.passed = joints.into_iter().map(|(place, reserve)| (place - kept, reserve)).collect();

@@ -236,11 +236,19 @@ impl Course {
     }
 
     /// Of the places where segments start, within these shares of the time, the one with the least acceleration.
-    pub(crate) fn calmest_place(&self, [from, to]: [f64; 2]) -> f64 {
+    fn calmest_place(&self, [from, to]: [f64; 2]) -> f64 {
         let times = from * self.duration_s..to * self.duration_s;
         let within = self.segments.iter().filter(|segment| times.contains(&segment.start_s));
         let calmest = within.min_by(|a, b| a.acceleration.abs().total_cmp(&b.acceleration.abs()));
         calmest.map_or(0.5 * self.length, |segment| segment.s)
+    }
+
+    /// Where another one may take over: at these shares of its time or later, up to these multiples of the time that a stop takes at
+    /// the most before its end, with the smallest acceleration and jerk of an axis.
+    pub(crate) fn handover(&self, [from, to]: [f64; 2], stops: [f64; 2], [acceleration, jerk]: [f64; 2]) -> f64 {
+        let fastest = self.segments.iter().map(|segment| segment.speed).fold(0.0, f64::max);
+        let stop = (fastest / acceleration + acceleration / jerk) / self.duration_s;
+        self.calmest_place([from.max(1.0 - stops[0] * stop), to.max(1.0 - stops[1] * stop)])
     }
 
     /// Places and speeds at the starts of its segments but the first, in this first share of its time.

@@ -13,7 +13,7 @@ const LEAST_INTERVAL: f64 = 1.0 / 64.0;
 pub(super) const LEAST_INTERVALS: usize = 6;
 /// Most intervals of a window; bounds its memory.
 const MOST_INTERVALS: usize = 1 << 13;
-/// How much faster the path has to bend at a place of an interval that is held instead of its middle.
+/// How much faster than in the middle and at the ends the path has to bend at a place of an interval that is held instead of its middle.
 const CLEARLY_FASTER: f64 = 1.001;
 
 /// Knots at nearly equal times of the guess, closer where the speed has changed for a short time only, and the squares of the
@@ -78,8 +78,8 @@ fn time_at(guess: &dyn Guess, place: f64) -> f64 {
     high
 }
 
-/// Moves the places inside of intervals at which limits are held from the middle to where the path bends fastest, as far as that
-/// matters; steps of the third derivative inside would otherwise be found to exceed the jerk only afterwards.
+/// Moves the places inside of intervals at which limits are held from the middle to where the path bends fastest, where that is not
+/// near an end, at which they are held as well; steps of the third derivative inside would otherwise be found to exceed the jerk only afterwards.
 pub(super) fn place_middles(path: &Path<'_>, samples: &Samples, holds: &mut [Hold]) {
     for (index, hold) in holds.iter_mut().enumerate() {
         let twist_at = |place: usize| {
@@ -88,7 +88,7 @@ pub(super) fn place_middles(path: &Path<'_>, samples: &Samples, holds: &mut [Hol
             shares.fold(0.0, f64::max)
         };
         let [start, own, end] = samples.held(index);
-        let mut largest = twist_at(own) * CLEARLY_FASTER;
+        let mut largest = twist_at(own).max(twist_at(start)).max(twist_at(end)) * CLEARLY_FASTER;
         for place in samples.of(index).filter(|place| ![start, own, end].contains(place)) {
             let twist = twist_at(place);
             if twist > largest {

@@ -42,10 +42,7 @@ impl SpeedPlanner {
             changed = self.tighten(path);
             self.before.clone_from(&self.c);
             let options = (SPEED_STEPS, GAPS[1]);
-            let mut is_solved = changed
-                .iter()
-                .all(|range| self.solver.solve(&self.problem, &mut self.c, range.clone(), options, Start::NEAR));
-            // With its ends as they are, a part of it may have no way: the path is at its limits there.
+            let mut is_solved = changed.iter_mut().all(|range| self.solve_part(range, options));
             for start in [Start::NEAR, Start::FAR] {
                 if is_solved {
                     break;
@@ -59,6 +56,24 @@ impl SpeedPlanner {
             }
         }
         false
+    }
+
+    /// Solves a part of the window again. With its ends as they are it may have no way, as the path is at its limits there: then more
+    /// around it, up to what is better solved as a whole.
+    fn solve_part(&mut self, part: &mut Range<usize>, options: (usize, f64)) -> bool {
+        let intervals = self.worst.len();
+        loop {
+            if self.solver.solve(&self.problem, &mut self.c, part.clone(), options, Start::NEAR) {
+                return true;
+            }
+            let own = part.start..part.end + 2;
+            self.c[own.clone()].copy_from_slice(&self.before[own]);
+            let more = part.len();
+            *part = up_to_ends(part.start.saturating_sub(more)..(part.end + more).min(intervals), intervals);
+            if part.len() as f64 > MOST_AGAIN * intervals as f64 {
+                return false;
+            }
+        }
     }
 
     /// Holds the limits where they are exceeded, and lowers those that are held there already; the intervals to be solved again.
@@ -87,13 +102,7 @@ impl SpeedPlanner {
             }
         }
         for range in &mut changed {
-            // Near an end, up to it.
-            if range.start < LEAST_INTERVALS {
-                range.start = 0;
-            }
-            if range.end + LEAST_INTERVALS > intervals {
-                range.end = intervals;
-            }
+            *range = up_to_ends(range.clone(), intervals);
         }
         let some: usize = changed.iter().map(Range::len).sum();
         if some as f64 > MOST_AGAIN * intervals as f64 { core::iter::once(0..intervals).collect() } else { changed }
@@ -127,4 +136,11 @@ impl SpeedPlanner {
             self.c.clone_from(&self.before);
         }
     }
+}
+
+/// A part of so many intervals; near an end of them, up to it.
+fn up_to_ends(part: Range<usize>, intervals: usize) -> Range<usize> {
+    let start = if part.start < LEAST_INTERVALS { 0 } else { part.start };
+    let end = if part.end + LEAST_INTERVALS > intervals { intervals } else { part.end };
+    start..end
 }

@@ -134,7 +134,7 @@ impl Pair {
     }
 }
 
-/// The largest of 1 and what both rows of every pair ask for.
+/// The largest of what both rows of every pair ask for.
 pub(super) fn largest(most: [[f64; 2]; 2]) -> [f64; 2] {
     most.map(|[a, b]| larger(a, b))
 }

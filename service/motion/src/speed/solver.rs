@@ -44,7 +44,7 @@ impl Start {
     /// From coefficients that are some way from the best ones.
     pub(super) const FAR: Self = Self { gap: 1.0, slack: SPEED_START_SLACK };
     /// From the best ones of nearly the same problem.
-    pub(super) const NEAR: Self = Self { gap: 0.3, slack: 0.1 };
+    pub(super) const NEAR: Self = Self { gap: 1.0, slack: 0.1 };
 }
 
 /// Smallest ratio of the next target to the present complementarity, and of that to the last one.
@@ -62,9 +62,7 @@ const DECREASE: f64 = 1.4;
 /// last target.
 const MOST_GROWTH: f64 = 1e3;
 const MOST_LEFT: f64 = 50.0;
-/// Largest residual of the rows, as a share of their scale, that counts as none.
-const NO_RESIDUAL: f64 = 1e-9;
-/// Largest residual that a result may have when the steps are over: less than what plans leave unused of the limits.
+/// Largest residual of the rows, as a share of their scale, that a result may have: less than what plans leave unused of the limits.
 const SMALL_RESIDUAL: f64 = 1e-3;
 
 /// The rows of some intervals of a problem.
@@ -173,7 +171,7 @@ impl Solver {
         for step in 0..steps {
             let Found { residual, products } = self.renew(problem, c, renewal, complementarity);
             complementarity = products * per_row;
-            if step > 0 && complementarity < last_target && residual < NO_RESIDUAL {
+            if step > 0 && complementarity < last_target && residual < SMALL_RESIDUAL {
                 return true;
             }
             // Where the rows cannot all be kept, steps become nothing and prices grow without end.
@@ -359,7 +357,7 @@ impl Solver {
     fn advance(&mut self, problem: &Part<'_>, c: &mut [f64], target: f64, part: f64) -> (Steps, f64) {
         let &Part { axes, places, accelerations, .. } = problem;
         let pairs = axes * places + accelerations + 1;
-        let mut most = [[1.0_f64; 2]; 2];
+        let mut most = [[0.0_f64; 2]; 2];
         // Sums of the products with one and both of the changes.
         let mut sums = [[0.0; 2]; 3];
         let by = [target, part];
