@@ -32,6 +32,9 @@ use crate::tolerance::{
 };
 use crate::{Curve, Element, Machine, MachineAxis};
 
+/// Factor on a speed: more than what rounding adds to it.
+const SLOWER: f64 = 1.0 + 1e-9;
+
 /// Part of an element with one set of limits; it starts where the one before ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LimitPiece {
@@ -205,18 +208,21 @@ impl<'a, const AXES: usize> Rule<'a, AXES> {
     /// What the feed may do where the derivatives stay within these bounds; see the module's comment.
     fn limits(&self, Bounds([first, second, third]): &Bounds) -> Result<PathLimits, LimitExceeded> {
         let superposed = self.superposed;
-        let moved = || self.machine.axes.iter().map(|axis| (axis, axis.axis.index())).filter(|&(_, k)| first[k] > 0.0);
+        let axes = self.machine.axes.iter().map(|axis| (axis, axis.axis.index()));
+        let moved: SmallVec<[(&MachineAxis, usize); 3]> = axes.filter(|&(_, k)| first[k] > 0.0).collect();
         // R₁: the axes' shares of the largest acceleration along the path.
-        let hardest = moved().map(|(axis, k)| first[k] / axis.max_acceleration_per_s2).fold(0.0, f64::max);
+        let hardest = moved.iter().map(|&(axis, k)| first[k] / axis.max_acceleration_per_s2).fold(0.0, f64::max);
         let share = |axis: &MachineAxis, k: usize| first[k] / (hardest * axis.max_acceleration_per_s2).max(1.0);
         let mut limits = PathLimits { velocity: self.top_speed, ..PathLimits::NONE };
-        for (axis, k) in moved() {
+        for &(axis, k) in &moved {
             let centripetal =
                 axis.max_acceleration_per_s2 * CENTRIPETAL_SHARE.min(1.0 - TANGENTIAL_SHARE * share(axis, k));
             let turning = SPLINE_TURNING_JERK_SHARE * axis.max_jerk_per_s3;
             // A division by zero is no limit at all.
             let mut speed = (axis.max_velocity_per_s / first[k]).min((centripetal / second[k]).sqrt());
-            if speed * speed * speed * third[k] > turning {
+            // Where another axis is slower anyway, the root says nothing.
+            let slowest = if superposed.velocity > 0.0 { speed } else { speed.min(SLOWER * limits.velocity) };
+            if slowest * slowest * slowest * third[k] > turning {
                 speed = libm::cbrt(turning / third[k]);
             }
             let left = rest(axis.axis, Quantity::Velocity, speed * first[k], first[k], superposed.velocity)?;
@@ -224,10 +230,10 @@ impl<'a, const AXES: usize> Rule<'a, AXES> {
         }
 
         let speed = limits.velocity + superposed.velocity;
-        let most_bent = moved().map(|(axis, k)| second[k] / axis.max_jerk_per_s3).fold(0.0, f64::max);
+        let most_bent = moved.iter().map(|&(axis, k)| second[k] / axis.max_jerk_per_s3).fold(0.0, f64::max);
         // Jerk of an axis beside twice what turning takes.
         let free_jerk = |jerk: f64, k: usize| jerk - 2.0 * speed * speed * speed * third[k];
-        for (axis, k) in moved() {
+        for &(axis, k) in &moved {
             let mut left = axis.max_acceleration_per_s2 - speed * speed * second[k];
             if second[k] > 0.0 {
                 let bent = second[k] / (most_bent * axis.max_jerk_per_s3);
@@ -239,7 +245,7 @@ impl<'a, const AXES: usize> Rule<'a, AXES> {
         }
 
         let acceleration = limits.acceleration + superposed.acceleration;
-        for (axis, k) in moved() {
+        for &(axis, k) in &moved {
             let left = free_jerk(axis.max_jerk_per_s3, k) - 3.0 * speed * acceleration * second[k];
             limits.jerk = limits.jerk.min(rest(axis.axis, Quantity::Jerk, left, first[k], superposed.jerk)?);
         }

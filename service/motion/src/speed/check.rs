@@ -15,7 +15,7 @@ const LEAST_SQUARE: f64 = 1e-3;
 const PLACES: usize = 8;
 
 /// What the axes do at a place, as shares of their limits: the largest of velocity, acceleration and jerk.
-fn shares(path: &Path<'_>, derivatives: &[Derivatives], [b, slope, second]: [f64; 3]) -> [f64; 3] {
+pub(super) fn shares(path: &Path<'_>, derivatives: &[Derivatives], [b, slope, second]: [f64; 3]) -> [f64; 3] {
     let speed = b.sqrt();
     let mut largest = [0.0_f64; 3];
     for (axis, [first, bend, twist]) in path.axes.iter().zip(derivatives) {

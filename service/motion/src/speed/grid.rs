@@ -3,7 +3,7 @@
 use super::path::Path;
 use super::problem::{Hold, Knots};
 use super::samples::Samples;
-use super::{Guess, Task};
+use super::{Guess, Task, check};
 
 /// Halvings of a time: to a nanosecond of seconds.
 const PLACE_STEPS: u32 = 32;
@@ -13,8 +13,8 @@ const LEAST_INTERVAL: f64 = 1.0 / 64.0;
 pub(super) const LEAST_INTERVALS: usize = 6;
 /// Most intervals of a window; bounds its memory.
 const MOST_INTERVALS: usize = 1 << 13;
-/// How much faster than in the middle and at the ends the path has to bend at a place of an interval that is held instead of its middle.
-const CLEARLY_FASTER: f64 = 1.001;
+/// How much more than in the middle and at the ends has to be asked at a place of an interval that is held instead of its middle.
+const CLEARLY_MORE: f64 = 1.001;
 
 /// Knots at nearly equal times of the guess, closer where the speed has changed for a short time only, and the squares of the
 /// guess' speeds there.
@@ -78,22 +78,39 @@ fn time_at(guess: &dyn Guess, place: f64) -> f64 {
     high
 }
 
-/// Moves the places inside of intervals at which limits are held from the middle to where the path bends fastest, where that is not
-/// near an end, at which they are held as well; steps of the third derivative inside would otherwise be found to exceed the jerk only afterwards.
-pub(super) fn place_middles(path: &Path<'_>, samples: &Samples, holds: &mut [Hold]) {
+/// Moves the places inside of intervals at which limits are held from the middle to where, at the squared speeds of a guess, more is
+/// asked of an axis than there and at the ends, at which limits are held as well; what is asked inside would otherwise be found to
+/// exceed the limits only afterwards.
+pub(super) fn place_middles(
+    path: &Path<'_>,
+    samples: &Samples,
+    (knots, squares): (&Knots, &[f64]),
+    holds: &mut [Hold],
+) {
+    let slope_at = |knot: usize| {
+        let (before, after) = (knot.saturating_sub(1), (knot + 1).min(knots.intervals()));
+        (squares[after] - squares[before]) / (knots.0[after] - knots.0[before])
+    };
+    let mut slope = slope_at(0);
     for (index, hold) in holds.iter_mut().enumerate() {
-        let twist_at = |place: usize| {
-            let shares =
-                path.axes.iter().zip(samples.derivatives(place)).map(|(axis, [.., twist])| twist.abs() / axis.jerk);
-            shares.fold(0.0, f64::max)
+        let h = knots.0[index + 1] - knots.0[index];
+        let next_slope = slope_at(index + 1);
+        let second = (next_slope - slope) / h;
+        let asked_at = |place: usize| {
+            let x = h * samples.share(place);
+            let b = squares[index] + samples.share(place) * (squares[index + 1] - squares[index]);
+            let [_, acceleration, jerk] =
+                check::shares(path, samples.derivatives(place), [b, slope + x * second, second]);
+            acceleration.max(jerk)
         };
-        let [start, own, end] = samples.held(index);
-        let mut largest = twist_at(own).max(twist_at(start)).max(twist_at(end)) * CLEARLY_FASTER;
-        for place in samples.of(index).filter(|place| ![start, own, end].contains(place)) {
-            let twist = twist_at(place);
-            if twist > largest {
-                (largest, hold.middle) = (twist, place);
+        let held = samples.held(index);
+        let mut largest = held.map(asked_at).into_iter().fold(0.0, f64::max) * CLEARLY_MORE;
+        for place in samples.of(index).filter(|place| !held.contains(place)) {
+            let asked = asked_at(place);
+            if asked > largest {
+                (largest, hold.middle) = (asked, place);
             }
         }
+        slope = next_slope;
     }
 }

@@ -188,7 +188,7 @@ impl SpeedPlanner {
         self.samples.take(path, &knots, if is_last { EXAMINED_PARTS } else { HELD_PARTS });
         self.share_limits(task, &knots, stage.interval_s);
         if is_last {
-            grid::place_middles(path, &self.samples, &mut self.holds);
+            grid::place_middles(path, &self.samples, (&knots, &squares), &mut self.holds);
         }
         self.start_from(task, &knots, &squares, stage.scale);
         self.problem.build(path, (knots, &self.samples), !is_last, &self.holds);
