@@ -401,4 +401,4 @@ fn fixed(intervals: usize) -> [usize; 4] {
 }
 
 /// Gap of a plan, and of the first, coarse one.
-pub(super) const GAPS: [f64; 2] = [5.0 * SPEED_GAP, SPEED_GAP];
+pub(super) const GAPS: [f64; 2] = [30.0 * SPEED_GAP, SPEED_GAP];
