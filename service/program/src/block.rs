@@ -5,6 +5,7 @@ mod computed;
 mod corner;
 mod defect;
 mod machine;
+mod plain;
 
 use crate::code;
 use crate::dialect::{Code, CodeTable, Flow, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
@@ -150,23 +151,6 @@ impl Block {
         if at < line.len() {
             self.parse_others(at, line, table, block_delete, system, findings, mark);
         }
-    }
-
-    /// Reads the plain words at the start of a line: where something else begins, or the end. Most lines have nothing else; a loop of
-    /// its own for them is a small one.
-    #[inline(never)]
-    fn parse_words(&mut self, line: &[u8], table: &CodeTable, findings: &mut FindingLog) -> usize {
-        let mut tokens = Lexer::new(line);
-        while let Some(token) = tokens.next_word() {
-            if token.letter == b'O' {
-                return token.start as usize;
-            }
-            self.add_word(token, table, findings);
-            if self.rest.is_some() {
-                return line.len();
-            }
-        }
-        tokens.place()
     }
 
     /// Reads a line from its first token on that is no plain word.
@@ -406,23 +390,30 @@ impl Block {
             && self.percent.is_none()
     }
 
-    /// Adds a word: most are of an axis or a parameter and the first of their letter, and need nothing but their place.
-    #[inline(always)]
+    /// Adds a word, or says what is wrong with it.
     fn add_word(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
         let Token { letter, number, start, end, .. } = token;
-        let place = usize::from(letter - b'A');
-        let bit = letter_bit(letter);
-        let is_plain = match table.dialect.letters[place] {
-            Letter::Code | Letter::Unknown => false,
-            Letter::Label => is_label(number),
-            _ => number.value().abs() <= LARGEST_NUMBER,
+        if number.is_spaced() || !self.take_value(usize::from(letter - b'A'), number, (start, end), table) {
+            self.add_other_word(token, table, findings);
+        }
+    }
+
+    /// Takes a word that is a number and no more and the first of its letter, as most are: it needs nothing but its place. `false` where
+    /// there is something to say of it.
+    #[inline(always)]
+    fn take_value(&mut self, place: usize, number: Number, (start, end): (u32, u32), table: &CodeTable) -> bool {
+        let bit = 1 << place;
+        let fits = match bit == letter_bit(b'N') {
+            true => is_label(number),
+            false => number.value().abs() <= LARGEST_NUMBER,
         };
-        if !is_plain || number.is_spaced() || self.letters & bit != 0 {
-            return self.add_other_word(token, table, findings);
+        if bit & table.value_letters & !self.letters == 0 || !fits {
+            return false;
         }
         self.extent = (self.extent.0.min(start), end);
         self.letters |= bit;
         self.words[place] = Word { number, start, end };
+        true
     }
 
     /// A code, or a word that may be refused.

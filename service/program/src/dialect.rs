@@ -180,6 +180,11 @@ impl Dialect {
         self.letters_that(|letter| matches!(letter, Letter::Axis(axis) | Letter::Increment(axis) if !axis.is_rotary()))
     }
 
+    /// Mask of the letters whose words are a number and no more, line numbers among them: no codes, no program numbers.
+    fn value_letters(&self) -> u32 {
+        self.letters_that(|letter| !matches!(letter, Letter::Unknown | Letter::Code)) & !letter_bit(b'O')
+    }
+
     fn letters_that(&self, is_meant: impl Fn(&Letter) -> bool) -> u32 {
         let bits = self.letters.iter().enumerate().map(|(place, letter)| u32::from(is_meant(letter)) << place);
         bits.sum()

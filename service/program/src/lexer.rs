@@ -236,12 +236,6 @@ impl<'a> Lexer<'a> {
 }
 
 impl Lexer<'_> {
-    /// Where the next token begins, or blanks before it.
-    #[inline]
-    pub(crate) const fn place(&self) -> usize {
-        self.at
-    }
-
     /// Whether nothing is left. Blanks may be, before [`Lexer::next_word`] was asked.
     #[inline]
     pub(crate) const fn is_at_end(&self) -> bool {
@@ -322,6 +316,35 @@ impl Iterator for Lexer<'_> {
         self.at = end;
         Some(Token { kind, letter, number: Number::ZERO, start: start as u32, end: end as u32 })
     }
+}
+
+/// Places of letters in the alphabet, with `:` read as the program number's `O`; others are behind its end.
+static LETTER_PLACES: [u8; 256] = {
+    let mut places = [u8::MAX; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        if let Class::Letter = CLASSES[byte] {
+            places[byte] = upper(byte as u8) - b'A';
+        }
+        byte += 1;
+    }
+    places
+};
+
+/// The place in the alphabet of a byte that is a letter.
+#[inline(always)]
+pub(crate) fn letter_place(byte: u8) -> Option<usize> {
+    let place = usize::from(LETTER_PLACES[usize::from(byte)]);
+    (place < 26).then_some(place)
+}
+
+/// First offset from `at` on that is not blank.
+#[inline(always)]
+pub(crate) fn behind_blanks(line: &[u8], mut at: usize) -> usize {
+    while let Some(b' ' | b'\t') = line.get(at) {
+        at += 1;
+    }
+    at
 }
 
 /// Bytes in upper case, with `:` read as the program number's `O`.

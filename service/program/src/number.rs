@@ -118,37 +118,38 @@ pub(crate) const fn starts_number(byte: u8) -> bool {
 /// Reads the number that starts at `start`, where [`starts_number`] holds.
 #[inline(always)]
 pub(crate) fn scan_number(line: &[u8], start: usize) -> Scan {
-    let mut at = start;
-    let first = line[at];
+    match scan_plain(line, start) {
+        Some((number, end)) if !continues(line, end) => Scan { end, number, defect: None },
+        _ => scan_irregular(line, start),
+    }
+}
+
+/// Reads a sign, digits and a point as most numbers are of, and where they end; nothing where there is no digit or too many. The
+/// number may go on behind that: see [`scan_number`].
+#[inline(always)]
+pub(crate) fn scan_plain(line: &[u8], start: usize) -> Option<(Number, usize)> {
+    let first = *line.get(start)?;
     let negative = first == b'-';
-    if negative || first == b'+' {
-        at += 1;
-    }
-    let mut mantissa = 0u64;
-    let integer_digits = scan_digits(&line[at..], &mut mantissa);
-    at += integer_digits;
-    let mut fraction_digits = 0;
-    let has_point = line.get(at) == Some(&b'.');
-    if has_point {
-        at += 1;
-        fraction_digits = scan_digits(&line[at..], &mut mantissa);
-        at += fraction_digits;
-    }
-    if continues(line, at) {
-        return scan_irregular(line, start);
-    }
-    // Neither none nor too many.
-    if (integer_digits + fraction_digits).wrapping_sub(1) < EXACT_DIGITS
-        && let Some(scale) = EXACT_POWERS_OF_TEN.get(fraction_digits)
-    {
-        // Most numbers without a fraction are codes and labels: spare them the division.
-        let mantissa = mantissa.cast_signed() as f64;
-        let magnitude = if fraction_digits == 0 { mantissa } else { mantissa / scale };
+    let integer = start + usize::from(negative | (first == b'+'));
+    let mut mantissa = 0;
+    let point = scan_digits(line, integer, &mut mantissa);
+    let integer_digits = point.wrapping_sub(integer);
+    if line.get(point) != Some(&b'.') {
+        // Neither none nor too many. Most are codes and labels.
+        let is_exact = integer_digits.wrapping_sub(1) < EXACT_DIGITS;
+        let magnitude = mantissa.cast_signed() as f64;
         // Subtracted, because zero has no sign.
         let value = if negative { 0.0 - magnitude } else { magnitude };
-        return Scan { end: at, number: Number::new(value, has_point, false, integer_digits), defect: None };
+        return is_exact.then_some((Number { value, form: integer_digits as u32 }, point));
     }
-    Scan::new(at, read_long(&line[start..at], false))
+    let end = scan_digits(line, point + 1, &mut mantissa);
+    let fraction_digits = end.wrapping_sub(point).wrapping_sub(1);
+    if integer_digits.wrapping_add(fraction_digits).wrapping_sub(1) >= EXACT_DIGITS {
+        return None;
+    }
+    let magnitude = mantissa.cast_signed() as f64 / EXACT_POWERS_OF_TEN.get(fraction_digits)?;
+    let value = if negative { 0.0 - magnitude } else { magnitude };
+    Some((Number { value, form: integer_digits as u32 | HAS_POINT }, end))
 }
 
 /// Reads the number without a sign that starts at `start` in an expression, where a sign behind it is an operator.
@@ -167,19 +168,18 @@ pub(crate) fn scan_operand(line: &[u8], start: usize) -> Scan {
     scan_number(&line[..end], start)
 }
 
-/// Appends the digits that a text begins with to a mantissa; how many there are.
+/// Appends the digits from `at` on to a mantissa; where they end.
 #[inline(always)]
-fn scan_digits(text: &[u8], mantissa: &mut u64) -> usize {
-    let mut rest = text;
-    while let [byte, behind @ ..] = rest {
-        let digit = u64::from(*byte) ^ u64::from(b'0');
+fn scan_digits(line: &[u8], mut at: usize, mantissa: &mut u64) -> usize {
+    while let Some(&byte) = line.get(at) {
+        let digit = u64::from(byte) ^ u64::from(b'0');
         if digit > 9 {
             break;
         }
         *mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
-        rest = behind;
+        at += 1;
     }
-    text.len() - rest.len()
+    at
 }
 
 /// Whether the number goes on irregularly after `at`: a second point or sign, or digits after spaces.
@@ -195,7 +195,7 @@ fn continues(line: &[u8], at: usize) -> bool {
     }
 }
 
-/// A number with spaces inside, or a run of number characters that is none.
+/// A number with spaces inside or of many digits, or a run of number characters that is none.
 #[cold]
 fn scan_irregular(line: &[u8], start: usize) -> Scan {
     let mut text = Vec::new();

@@ -24,6 +24,8 @@ pub(crate) struct CodeTable {
     pub(crate) axis_letters: u32,
     /// Those of them of linear axes.
     pub(crate) linear_letters: u32,
+    /// Mask of the letters whose words are a number and no more, line numbers among them.
+    pub(crate) value_letters: u32,
     codes: Vec<Code>,
     /// M codes of the machine, ascending.
     machine: Vec<MachineRule>,
@@ -46,6 +48,7 @@ impl CodeTable {
             dialect,
             axis_letters: dialect.axis_letters() & !angles,
             linear_letters: dialect.linear_letters(),
+            value_letters: dialect.value_letters(),
             codes: Vec::new(),
             machine: machine_codes::rules(settings),
             index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),

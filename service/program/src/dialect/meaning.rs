@@ -289,6 +289,12 @@ pub(crate) enum Meaning {
 }
 
 impl Meaning {
+    /// Whether the parser has something to do with it beside noting its place: it is refused, or the line ends differently.
+    #[inline]
+    pub(crate) const fn concerns_parser(self) -> bool {
+        matches!(self, Self::Unsupported(_) | Self::OfOtherSystem(_) | Self::VariableLead | Self::MacroCall { .. })
+    }
+
     /// Whether the code is of this dialect and does what it says.
     pub(super) const fn is_carried_out(self) -> bool {
         !matches!(self, Self::Unsupported(_) | Self::VariableLead | Self::OfNoSystem(_) | Self::OfOtherSystem(_))
