@@ -31,6 +31,7 @@ mod long_runs;
 mod memory;
 mod mqtt;
 mod mtconnect;
+mod objects;
 mod offsets;
 mod oscillation;
 mod overrides;

@@ -36,7 +36,7 @@ pub use problems::{ConfigError, ConfigProblem};
 pub use retention::RetentionConfig;
 use serde::{Deserialize, Serialize};
 pub use sources::Overrides;
-pub use store::{DatabaseConfig, StoreConfig};
+pub use store::{DatabaseConfig, ObjectsConfig, StoreConfig};
 pub use tls::{ClientCertificates, TlsConfig};
 
 /// Exit code for configuration that cannot be used (`EX_CONFIG`).

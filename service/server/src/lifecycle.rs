@@ -222,6 +222,7 @@ async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, Sta
     let uri = config.store_uri().map_err(|(key, reason)| StartError::Setup(format!("{key}: {reason}")))?;
     let settings = StoreSettings {
         max_program_bytes: config.limits.upload_bytes.max(config.limits.inline_program_bytes),
+        objects: config.store.objects.settings(),
         max_uploads: config.limits.unfinished_uploads,
         max_client_uploads: config.limits.unfinished_uploads_per_client,
         upload_expiry: Duration::from_secs(config.limits.upload_expiry_s),

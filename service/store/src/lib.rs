@@ -23,6 +23,7 @@ mod error;
 mod jobs;
 mod machines;
 mod maintenance;
+mod objects;
 mod page;
 mod postgres;
 mod presences;
@@ -49,6 +50,7 @@ pub use machines::{MachineRecord, Machines};
 pub use maintenance::{
     CheckReport, CopyError, CopyReport, MAX_PROBLEMS, Problem, TableCopy, backup, check, copy, migrate, restore,
 };
+pub use objects::{InvalidObjectsUri, ObjectSettings, ObjectsUri};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
 pub use presences::{Presence, Presences, ToldPresence};
 pub use programs::{

@@ -53,11 +53,13 @@ pub struct CopyReport {
     pub jobs: u64,
     /// Programs.
     pub programs: u64,
+    /// Programs of these whose bytes are in an object store, and not in the copy: it is complete only with the objects.
+    pub programs_in_objects: u64,
     /// Sequence number of the newest event.
     pub newest_event: i64,
 }
 
-/// Verifies every record of a database: hashes of programs, reports, logs, and of a file the file itself and references,
+/// Verifies every record of a database: hashes of programs, also of those in an object store, reports, logs, and of a file the file itself and references,
 /// which a server verifies. The service may run meanwhile.
 ///
 /// # Errors
@@ -70,7 +72,7 @@ pub async fn check(uri: &StoreUri) -> Result<CheckReport> {
 }
 
 /// Copies a database as it is at one moment into a new file; the service may run meanwhile. The file appears once it is
-/// complete, verified and on the disk.
+/// complete, verified and on the disk. What is in an object store is not in it.
 ///
 /// # Errors
 /// `CannotOpen`, `CannotCopy` also where the file is there already, `Incompatible`, `Corrupt`, `Unavailable`.
@@ -117,7 +119,8 @@ pub enum CopyError {
 }
 
 /// Copies everything in an SQLite file that no service uses into an empty database of a PostgreSQL server, all of it or
-/// nothing, and compares what was written with what was read. The file stays as it is.
+/// nothing, and compares what was written with what was read. The file stays as it is. Programs in an object store are
+/// in the database then.
 ///
 /// # Errors
 /// `InUseBy` a service, `Damaged` if the file is not intact, `CannotOpen` where there is no file, or records in the

@@ -15,6 +15,7 @@ mod documents;
 mod fault;
 mod jobs;
 mod lane;
+mod objects;
 mod open;
 mod options;
 mod pool;
@@ -39,6 +40,7 @@ use uuid::Uuid;
 
 use crate::Database;
 use crate::error::{Result, StoreError};
+use crate::objects::Objects;
 use crate::settings::{StoreSettings, StoreStats};
 use crate::sql::fault::REFUSED;
 use bell::Bell;
@@ -67,6 +69,7 @@ pub(crate) struct PostgresStore {
 struct Inner {
     options: PostgresOptions,
     settings: StoreSettings,
+    objects: Objects,
     pool: Pool,
     /// Writes to the log of events.
     events: Lane,
@@ -150,6 +153,7 @@ impl PostgresStore {
             reads: AtomicU64::new(0),
             replica: format!("{}#{}", settings.replica_name, Uuid::now_v7()),
             options,
+            objects: Objects::of(settings.objects.clone())?,
             settings,
         };
         let store = Self { inner: Arc::new(inner) };

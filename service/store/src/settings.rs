@@ -5,11 +5,15 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::objects::ObjectSettings;
+
 /// Limits of a store. The defaults suit a service of one machine shop.
 #[derive(Clone)]
 pub struct StoreSettings {
     /// Largest program in bytes; default 2 GiB.
     pub max_program_bytes: u64,
+    /// Which programs are kept in an object store, and in which one; none by default.
+    pub objects: Option<ObjectSettings>,
     /// Most unfinished uploads kept at a time; default 256.
     pub max_uploads: u32,
     /// Most of these that are one client's; default 64.
@@ -42,6 +46,7 @@ impl Default for StoreSettings {
     fn default() -> Self {
         Self {
             max_program_bytes: 2 << 30,
+            objects: None,
             max_uploads: 256,
             max_client_uploads: 64,
             upload_expiry: Duration::from_secs(86_400),
@@ -62,6 +67,7 @@ impl fmt::Debug for StoreSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("StoreSettings")
             .field("max_program_bytes", &self.max_program_bytes)
+            .field("objects", &self.objects)
             .field("max_uploads", &self.max_uploads)
             .field("max_client_uploads", &self.max_client_uploads)
             .field("upload_expiry", &self.upload_expiry)

@@ -9,6 +9,7 @@ pub(crate) mod documents;
 pub(crate) mod fault;
 pub(crate) mod jobs;
 pub(crate) mod migrations;
+pub(crate) mod objects;
 pub(crate) mod pages;
 pub(crate) mod programs;
 pub(crate) mod record;

@@ -8,6 +8,7 @@ mod fault;
 mod jobs;
 mod lock;
 pub(crate) mod maintenance;
+mod objects;
 mod open;
 mod options;
 mod presences;
@@ -33,6 +34,7 @@ use tokio::sync::watch;
 
 use crate::Database;
 use crate::error::{Result, StoreError};
+use crate::objects::Objects;
 use crate::settings::{StoreSettings, StoreStats};
 pub(crate) use fault::meaning;
 pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
@@ -48,6 +50,7 @@ pub(crate) struct SqliteStore {
 struct Inner {
     options: SqliteOptions,
     settings: StoreSettings,
+    objects: Objects,
     writer: Writer,
     probing: Arc<Probing>,
     readers: SqlitePool,
@@ -101,6 +104,7 @@ impl SqliteStore {
         let (writer, announced) = Writer::start(opened, probing.clone(), &settings);
         let inner = Inner {
             options,
+            objects: Objects::of(settings.objects.clone())?,
             settings,
             writer,
             probing,
@@ -111,6 +115,7 @@ impl SqliteStore {
         };
         let store = Self { inner: Arc::new(inner) };
         store.remove_orphans().await?;
+        store.let_announced_go().await?;
         Ok(store)
     }
 

@@ -182,8 +182,14 @@ fn failed(place: impl std::fmt::Display, error: &StoreError) -> CliError {
 }
 
 fn of(report: &CopyReport) -> String {
-    let CopyReport { bytes, jobs, programs, newest_event } = report;
-    format!("{bytes} bytes, {jobs} job(s), {programs} program(s), newest event {newest_event}")
+    let CopyReport { bytes, jobs, programs, programs_in_objects, newest_event } = report;
+    let text = format!("{bytes} bytes, {jobs} job(s), {programs} program(s), newest event {newest_event}");
+    if *programs_in_objects == 0 {
+        return text;
+    }
+    format!(
+        "{text}\n{programs_in_objects} program(s) are in an object store and not in the copy: keep the objects as long as it"
+    )
 }
 
 fn text(uri: &StoreUri, report: &CheckReport) -> String {

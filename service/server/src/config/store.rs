@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use feedwave_store::{InvalidStoreUri, StoreUri};
+use feedwave_store::{InvalidStoreUri, ObjectSettings, ObjectsUri, StoreUri};
 use serde::{Deserialize, Serialize};
 
 use super::Config;
@@ -20,6 +20,32 @@ pub struct StoreConfig {
     pub uri: Option<StoreUri>,
     /// Name of this replica among those that share the store.
     pub replica_name: String,
+    /// Large programs in an object store.
+    pub objects: ObjectsConfig,
+}
+
+/// Which programs are kept in an object store.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ObjectsConfig {
+    /// Where; absent: all programs are in the store itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uri: Option<ObjectsUri>,
+    /// Those with more bytes than these.
+    pub above_bytes: u64,
+}
+
+impl Default for ObjectsConfig {
+    fn default() -> Self {
+        Self { uri: None, above_bytes: 16 << 20 }
+    }
+}
+
+impl ObjectsConfig {
+    /// What the store is told.
+    pub(crate) fn settings(&self) -> Option<ObjectSettings> {
+        self.uri.clone().map(|uri| ObjectSettings { uri, above_bytes: self.above_bytes })
+    }
 }
 
 impl StoreConfig {

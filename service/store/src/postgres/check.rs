@@ -14,7 +14,7 @@ use crate::sql::check::{Check, Parameter, Verified};
 pub(crate) async fn check(options: &PostgresOptions) -> Result<CheckReport> {
     let mut connection = connect_unchanged(options).await?;
     sqlx::query("SET default_transaction_read_only = on").execute(&mut connection).await?;
-    let mut check = Check { database: connection, report: CheckReport::default() };
+    let mut check = Check::new(connection);
     check.records().await?;
     check.database.close().await?;
     Ok(check.report)

@@ -1,6 +1,7 @@
 //! What a store in an SQLite file holds, into an empty database: table by table, in one transaction, each compared by its
 //! hash with what was read.
 
+mod objects;
 mod tables;
 
 use futures_util::TryStreamExt as _;
@@ -171,6 +172,7 @@ async fn copy_held(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<Tab
         }
         copies.push(TableCopy { table: table.name, rows, sha256: hash });
     }
+    copies.push(objects::copy(&mut source, &mut transaction).await?);
     let newest = newest_numbers(&mut source).await.map_err(CopyError::From)?;
     set_numbers(&mut transaction, newest).await.map_err(CopyError::To)?;
     transaction.commit().await.map_err(to_fault)?;

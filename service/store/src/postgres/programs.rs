@@ -7,12 +7,15 @@ use bytes::Bytes;
 use sqlx::{PgConnection, PgExecutor, Postgres, QueryBuilder};
 
 use super::PostgresStore;
+use super::objects::use_object;
 use crate::error::{Kind, Result, StoreError, check_size};
+use crate::objects::Written;
 use crate::page::{Page, PageRequest, Scope, tenant_scope};
 use crate::programs::{
     CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
 };
 use crate::sql::compress::offload;
+use crate::sql::objects::{ObjectSteps as _, Packed};
 use crate::sql::programs::{Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_source, program_entry, program_info};
 use crate::sql::record::signed;
 use crate::sql::uploads::UploadSteps as _;
@@ -110,13 +113,23 @@ impl PostgresStore {
     pub(super) async fn remove_chunks(&self, content: i64) -> Result<()> {
         let store = self.clone();
         let task = tokio::spawn(async move {
-            while !store.write(0, move |connection| Box::pin(remove_piece(connection, content))).await? {}
+            let object = store.object_of(content).await?;
+            store.remove_rows(content).await?;
+            if let Some(name) = object {
+                store.discard_object(&name).await;
+            }
             Ok(())
         });
         task.await.map_err(|_| StoreError::unavailable("the service is ending"))?
     }
 
-    /// Removes what earlier removals left.
+    /// Removes a content and its chunks. If it is in an object, that is to go.
+    async fn remove_rows(&self, content: i64) -> Result<()> {
+        while !self.write(0, move |connection| Box::pin(remove_piece(connection, content))).await? {}
+        Ok(())
+    }
+
+    /// Removes what earlier removals left. An object store that does not answer keeps nobody from beginning: objects go later.
     pub(super) async fn remove_orphans(&self) -> Result<()> {
         let orphans: Vec<i64> = sqlx::query_scalar(
             "SELECT id FROM contents AS c
@@ -126,7 +139,7 @@ impl PostgresStore {
         .fetch_all(&mut self.reader().await?)
         .await?;
         for content in orphans {
-            self.remove_chunks(content).await?;
+            self.remove_rows(content).await?;
         }
         Ok(())
     }
@@ -146,6 +159,10 @@ async fn remove_piece(connection: &mut PgConnection, content: i64) -> Result<boo
     if removed > 0 {
         return Ok(false);
     }
+    sqlx::query("UPDATE objects SET content_id = NULL, leaving = 1 WHERE content_id = $1")
+        .bind(content)
+        .execute(&mut *connection)
+        .await?;
     sqlx::query("DELETE FROM contents WHERE id = $1").bind(content).execute(connection).await?;
     Ok(true)
 }
@@ -183,6 +200,24 @@ async fn delete(connection: &mut PgConnection, id: ProgramId) -> Result<i64> {
     Ok(content)
 }
 
+/// Makes a written object visible as a program, unless the program is there.
+async fn put_object(connection: &mut PgConnection, info: ProgramInfo, object: &Written) -> Result<(ProgramInfo, bool)> {
+    if let Some(there) = find_program(&mut *connection, info.id).await? {
+        return Ok((there, false));
+    }
+    let content = insert_content(&mut *connection).await?;
+    if insert_program(&mut *connection, content, &info).await? {
+        use_object(connection, content, object).await?;
+        return Ok((info, true));
+    }
+    // It came another way meanwhile.
+    sqlx::query("DELETE FROM contents WHERE id = $1").bind(content).execute(&mut *connection).await?;
+    let there = find_program(&mut *connection, info.id).await?;
+    there
+        .map(|there| (there, false))
+        .ok_or_else(|| StoreError::unavailable("the program was deleted while it was stored"))
+}
+
 #[async_trait]
 impl Programs for PostgresStore {
     async fn put_program(&self, tenant: Tenant, source: Bytes) -> Result<ProgramInfo> {
@@ -197,6 +232,24 @@ impl Programs for PostgresStore {
         let payload = chunks.iter().map(|chunk| chunk.data.len()).sum();
         let info = ProgramInfo { id, size_bytes, chunk_count: chunks.len() as u64, created_us: self.clock().now_us() };
         let chunks = Arc::new(chunks);
+        if let Some(name) = self.objects().name_for(size_bytes) {
+            match self.program_info(id).await {
+                Err(StoreError::NotFound { .. }) => {}
+                there => return there,
+            }
+            let object = self.write_object(name, Packed::Chunks(chunks)).await?;
+            let written = object.clone();
+            let put = self
+                .write(0, move |connection| {
+                    let (info, written) = (info.clone(), written.clone());
+                    Box::pin(async move { put_object(connection, info, &written).await })
+                })
+                .await;
+            if !matches!(put, Ok((_, true))) {
+                self.discard_object(&object.name).await;
+            }
+            return Ok(put?.0);
+        }
         self.write(payload, move |connection| {
             let (info, chunks) = (info.clone(), chunks.clone());
             Box::pin(async move { put(connection, info, &chunks).await })
@@ -270,7 +323,10 @@ impl Programs for PostgresStore {
         .await?;
         match row {
             Some(row) => chunk_source(&row).await,
-            None => Err(StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}"))),
+            None => {
+                let read = self.read_piece(id, chunk_index).await?;
+                read.ok_or_else(|| StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}")))
+            }
         }
     }
 
@@ -300,7 +356,9 @@ impl Programs for PostgresStore {
     }
 
     async fn expire_uploads(&self) -> Result<u64> {
-        self.discard_expired().await
+        let expired = self.discard_expired().await?;
+        self.tidy_objects().await?;
+        Ok(expired)
     }
 
     async fn delete_upload(&self, id: UploadId) -> Result<()> {

@@ -1,13 +1,17 @@
 //! Uploads in PostgreSQL.
 
+use std::sync::Arc;
+
 use async_trait::async_trait;
 use bytes::Bytes;
 use sqlx::{PgConnection, Row};
 use uuid::Uuid;
 
 use super::PostgresStore;
+use super::objects::use_object;
 use super::programs::{find_program, insert_chunks, insert_content, insert_program};
 use crate::error::{Result, StoreError};
+use crate::objects::Written;
 use crate::programs::{ProgramInfo, UploadId, UploadInfo, UploadStart};
 use crate::settings::StoreSettings;
 use crate::sql::programs::{Appended, missing_upload, upload_info};
@@ -26,10 +30,6 @@ impl PostgresStore {
 impl UploadSteps for PostgresStore {
     fn limits(&self) -> &StoreSettings {
         self.settings()
-    }
-
-    fn now_us(&self) -> i64 {
-        self.clock().now_us()
     }
 
     async fn find_upload(&self, id: UploadId) -> Result<(i64, UploadInfo)> {
@@ -65,7 +65,7 @@ impl UploadSteps for PostgresStore {
     }
 
     async fn write_beginning(&self, new: NewUpload) -> Result<UploadStart> {
-        let now_us = self.now_us();
+        let now_us = self.clock().now_us();
         self.write(0, move |connection| {
             let new = new.clone();
             Box::pin(async move { begin(connection, new, now_us).await })
@@ -75,8 +75,8 @@ impl UploadSteps for PostgresStore {
 
     async fn write_appended(&self, id: UploadId, content: i64, span: [i64; 2], appended: Appended) -> Result<()> {
         let payload = appended.bytes();
-        let appended = std::sync::Arc::new(appended);
-        let now_us = self.now_us();
+        let appended = Arc::new(appended);
+        let now_us = self.clock().now_us();
         self.write(payload, move |connection| {
             let appended = appended.clone();
             Box::pin(async move { append(connection, id, content, span, &appended, now_us).await })
@@ -84,10 +84,16 @@ impl UploadSteps for PostgresStore {
         .await
     }
 
-    async fn write_program(&self, id: UploadId, content: i64, program: ProgramInfo) -> Result<(ProgramInfo, bool)> {
+    async fn write_program(
+        &self,
+        id: UploadId,
+        content: i64,
+        program: ProgramInfo,
+        object: Option<Arc<Written>>,
+    ) -> Result<(ProgramInfo, bool)> {
         self.write(0, move |connection| {
-            let program = program.clone();
-            Box::pin(async move { finish(connection, id, content, program).await })
+            let (program, object) = (program.clone(), object.clone());
+            Box::pin(async move { finish(connection, id, content, program, object).await })
         })
         .await
     }
@@ -192,6 +198,7 @@ async fn finish(
     id: UploadId,
     content: i64,
     program: ProgramInfo,
+    object: Option<Arc<Written>>,
 ) -> Result<(ProgramInfo, bool)> {
     let deleted =
         sqlx::query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut *connection).await?;
@@ -200,6 +207,9 @@ async fn finish(
     }
     // The same program may have been uploaded by another request meanwhile.
     if insert_program(connection, content, &program).await? {
+        if let Some(object) = object {
+            use_object(connection, content, &object).await?;
+        }
         return Ok((program, true));
     }
     let there = find_program(&mut *connection, program.id).await?;

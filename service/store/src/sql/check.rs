@@ -1,13 +1,18 @@
 //! Whether every record is as it was written, whichever database it is in.
 
+use std::collections::HashMap;
+
 use async_trait::async_trait;
+use bytes::Bytes;
 use sha2::{Digest as _, Sha256};
 
 use super::compress::{decompress, offload};
+use super::objects::{PIECE, object_name, piece};
 use super::record::{Record, json_option, parsed, parsed_option, to_json, unsigned};
 use crate::error::{Result, StoreError};
 use crate::jobs::JobState;
 use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem};
+use crate::objects::{MISSING, Objects};
 use crate::programs::{CHUNK_BYTES, ProgramId, ProgramKey};
 use crate::runs::RunState;
 
@@ -49,9 +54,17 @@ pub(crate) struct Check<D> {
     pub(crate) database: D,
     /// What was found.
     pub(crate) report: CheckReport,
+    objects: Objects,
+    /// Object stores that do not answer, and why: each is asked until then only.
+    silent: HashMap<String, String>,
 }
 
 impl<D: Verified> Check<D> {
+    /// Of which nothing was looked at yet.
+    pub(crate) fn new(database: D) -> Self {
+        Self { database, report: CheckReport::default(), objects: Objects::known(), silent: HashMap::new() }
+    }
+
     /// Verifies every record.
     ///
     /// # Errors
@@ -146,7 +159,12 @@ impl<D: Verified> Check<D> {
                 WHERE content_id = $1 AND chunk_index = $2";
             let place = [Parameter::Integer(content), Parameter::Integer(i64::try_from(index).unwrap_or(i64::MAX))];
             let row = self.row(sql, &place).await?;
-            let row = row.ok_or_else(|| StoreError::corrupt(format!("chunk {index} is missing")))?;
+            let Some(row) = row else {
+                let source = self.piece(&place, index).await?;
+                bytes += source.len() as u64;
+                hash = offload(source.len(), move || Ok(hash.chain_update(&source))).await?;
+                continue;
+            };
             let size = unsigned(&row, "source_bytes")?;
             if unsigned(&row, "source_offset")? != index * CHUNK_BYTES || size > CHUNK_BYTES {
                 return Err(StoreError::corrupt(format!("chunk {index} is not where it belongs")));
@@ -157,6 +175,29 @@ impl<D: Verified> Check<D> {
             hash = offload(source.len(), move || Ok(hash.chain_update(&source))).await?;
         }
         Ok((ProgramId::from_bytes(hash.finalize().into()), bytes))
+    }
+
+    /// A chunk that is not in the database, from its object.
+    async fn piece(&mut self, place: &[Parameter<'_>], index: u64) -> Result<Bytes> {
+        let missing = || StoreError::corrupt(format!("chunk {index} is missing"));
+        let row = self.row(PIECE, place).await?.ok_or_else(missing)?;
+        let (name, piece) = (object_name(&row)?, piece(&row)?);
+        let unread =
+            |reason: &str| StoreError::corrupt(format!("its object at {} cannot be read: {reason}", name.place));
+        if let Some(reason) = self.silent.get(&name.place) {
+            return Err(unread(reason));
+        }
+        match self.objects.read(&name, &piece).await {
+            // What cannot be verified is not known to be intact.
+            Err(StoreError::Unavailable { reason, .. }) if reason == MISSING => Err(unread("it is not there")),
+            Err(StoreError::Unavailable { reason, source }) => {
+                let reason = source.map_or_else(|| reason.to_owned(), |source| format!("{reason}: {source}"));
+                let error = unread(&reason);
+                self.silent.insert(name.place.clone(), reason);
+                Err(error)
+            }
+            result => result,
+        }
     }
 
     async fn uploads(&mut self) -> Result<()> {

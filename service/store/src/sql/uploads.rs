@@ -2,14 +2,18 @@
 //! fill one, or are the last, they are compressed into a chunk. So an acknowledged byte is written at most twice however
 //! small the pieces are, and a finished upload becomes a program without copying.
 
+use std::sync::Arc;
+
 use async_trait::async_trait;
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 
 use super::compress::offload;
+use super::objects::{ObjectSteps, Packed};
 use super::programs::{APPENDED_BYTES, Appended, MAX_CLIENT_BYTES};
 use super::record::signed;
 use crate::error::{Result, StoreError, check_size};
+use crate::objects::Written;
 use crate::programs::{CHUNK_BYTES, ProgramId, ProgramInfo, UploadId, UploadInfo, UploadStart};
 use crate::settings::StoreSettings;
 
@@ -41,11 +45,8 @@ impl NewUpload {
 
 /// The steps of an upload that a database does, and what is made of them.
 #[async_trait]
-pub(crate) trait UploadSteps: Sync {
+pub(crate) trait UploadSteps: ObjectSteps {
     fn limits(&self) -> &StoreSettings;
-
-    /// The time now, microseconds since the Unix epoch.
-    fn now_us(&self) -> i64;
 
     /// An upload and its content.
     async fn find_upload(&self, id: UploadId) -> Result<(i64, UploadInfo)>;
@@ -65,8 +66,15 @@ pub(crate) trait UploadSteps: Sync {
     /// Writes what is received up to the second number, if the first is how much was.
     async fn write_appended(&self, id: UploadId, content: i64, span: [i64; 2], appended: Appended) -> Result<()>;
 
-    /// Makes an upload a program; false if there is one already, and the content is superfluous.
-    async fn write_program(&self, id: UploadId, content: i64, program: ProgramInfo) -> Result<(ProgramInfo, bool)>;
+    /// Makes an upload a program, which is in an object if one was written; false if there is one already, and content and
+    /// object are superfluous.
+    async fn write_program(
+        &self,
+        id: UploadId,
+        content: i64,
+        program: ProgramInfo,
+        object: Option<Arc<Written>>,
+    ) -> Result<(ProgramInfo, bool)>;
 
     /// Removes the bytes of a content to which nothing refers any more.
     async fn remove_content(&self, content: i64) -> Result<()>;
@@ -164,9 +172,21 @@ pub(crate) trait UploadSteps: Sync {
         }
         let program =
             ProgramInfo { id: info.expected, size_bytes: info.size_bytes, chunk_count, created_us: self.now_us() };
-        let (program, used) = self.write_program(id, content, program).await?;
-        if !used {
-            self.remove_content(content).await?;
+        let object = match self.objects().name_for(info.size_bytes) {
+            Some(name) => Some(self.write_object(name, Packed::Content(content, chunk_count)).await?),
+            None => None,
+        };
+        let written = self.write_program(id, content, program, object.clone()).await;
+        if !matches!(written, Ok((_, true)))
+            && let Some(object) = &object
+        {
+            self.discard_object(&object.name).await;
+        }
+        let (program, used) = written?;
+        match (used, object) {
+            (true, Some(_)) => self.shed_chunks(content).await?,
+            (true, None) => {}
+            (false, _) => self.remove_content(content).await?,
         }
         Ok(program)
     }

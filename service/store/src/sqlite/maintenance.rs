@@ -70,6 +70,16 @@ async fn copy(connection: &mut SqliteConnection, to: &Path) -> Result<CopyReport
         sqlx::query_as("SELECT (SELECT COUNT(*) FROM jobs), (SELECT COUNT(*) FROM programs)")
             .fetch_one(&mut copied)
             .await?;
+    // A copy may be of an earlier version.
+    let knows_objects: bool =
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM sqlite_schema WHERE type = 'table' AND name = 'objects')")
+            .fetch_one(&mut copied)
+            .await?;
+    let programs_in_objects: i64 = if knows_objects {
+        sqlx::query_scalar("SELECT COUNT(*) FROM objects WHERE content_id IS NOT NULL").fetch_one(&mut copied).await?
+    } else {
+        0
+    };
     let newest_event =
         sqlx::query_scalar("SELECT COALESCE(MAX(seq), 0) FROM sqlite_sequence WHERE name = 'job_events'")
             .fetch_one(&mut copied)
@@ -78,7 +88,13 @@ async fn copy(connection: &mut SqliteConnection, to: &Path) -> Result<CopyReport
     let file = std::fs::File::open(to).map_err(failed("the copy cannot be read"))?;
     file.sync_all().map_err(failed("the copy cannot be brought to the disk"))?;
     let bytes = file.metadata().map_err(failed("the copy cannot be read"))?.len();
-    Ok(CopyReport { bytes, jobs: jobs.unsigned_abs(), programs: programs.unsigned_abs(), newest_event })
+    Ok(CopyReport {
+        bytes,
+        jobs: jobs.unsigned_abs(),
+        programs: programs.unsigned_abs(),
+        programs_in_objects: programs_in_objects.unsigned_abs(),
+        newest_event,
+    })
 }
 
 /// A file with something behind its name.

@@ -1,17 +1,22 @@
 //! Programs in SQLite.
 
+use std::sync::Arc;
+
 use async_trait::async_trait;
 use bytes::Bytes;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::SqliteStore;
+use super::objects::use_object;
 use crate::error::{Kind, Result, StoreError, check_size};
+use crate::objects::Written;
 use crate::page::{Page, PageRequest, Scope, tenant_scope};
 use crate::programs::{
     CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
 };
 use crate::sql::compress::offload;
 use crate::sql::fault::is_reference;
+use crate::sql::objects::{ObjectSteps as _, Packed};
 use crate::sql::programs::{Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_source, program_entry, program_info};
 use crate::sql::record::signed;
 use crate::sql::uploads::UploadSteps as _;
@@ -109,13 +114,23 @@ impl SqliteStore {
     pub(super) async fn remove_chunks(&self, content: i64) -> Result<()> {
         let store = self.clone();
         let task = tokio::spawn(async move {
-            while !store.write(0, move |tx| Box::pin(remove_piece(&mut tx.connection, content))).await? {}
+            let object = store.object_of(content).await?;
+            store.remove_rows(content).await?;
+            if let Some(name) = object {
+                store.discard_object(&name).await;
+            }
             Ok(())
         });
         task.await.map_err(|_| StoreError::unavailable("the service is ending"))?
     }
 
-    /// Removes what earlier removals left.
+    /// Removes a content and its chunks. If it is in an object, that is to go.
+    async fn remove_rows(&self, content: i64) -> Result<()> {
+        while !self.write(0, move |tx| Box::pin(remove_piece(&mut tx.connection, content))).await? {}
+        Ok(())
+    }
+
+    /// Removes what earlier removals left. An object store that does not answer keeps nobody from beginning: objects go later.
     pub(super) async fn remove_orphans(&self) -> Result<()> {
         let orphans: Vec<i64> = sqlx::query_scalar(
             "SELECT id FROM contents AS c
@@ -125,7 +140,7 @@ impl SqliteStore {
         .fetch_all(&mut *self.reader().await?)
         .await?;
         for content in orphans {
-            self.remove_chunks(content).await?;
+            self.remove_rows(content).await?;
         }
         Ok(())
     }
@@ -145,8 +160,27 @@ async fn remove_piece(connection: &mut SqliteConnection, content: i64) -> Result
     if removed == REMOVED_CHUNKS as u64 {
         return Ok(false);
     }
+    sqlx::query("UPDATE objects SET content_id = NULL, leaving = 1 WHERE content_id = ?")
+        .bind(content)
+        .execute(&mut *connection)
+        .await?;
     sqlx::query("DELETE FROM contents WHERE id = ?").bind(content).execute(connection).await?;
     Ok(true)
+}
+
+/// Makes a written object visible as a program, unless the program is there.
+async fn put_object(
+    connection: &mut SqliteConnection,
+    info: ProgramInfo,
+    object: Arc<Written>,
+) -> Result<(ProgramInfo, bool)> {
+    if let Some(there) = find_program(&mut *connection, info.id).await? {
+        return Ok((there, false));
+    }
+    let content = insert_content(&mut *connection).await?;
+    insert_program(&mut *connection, content, &info).await?;
+    use_object(connection, content, &object).await?;
+    Ok((info, true))
 }
 
 #[async_trait]
@@ -160,13 +194,28 @@ impl Programs for SqliteStore {
         }
         let size_bytes = source.len() as u64;
         let chunks = offload(source.len(), move || Chunk::all(&source, 0)).await?;
+        let chunk_count = chunks.len() as u64;
+        if let Some(name) = self.objects().name_for(size_bytes) {
+            match self.program_info(id).await {
+                Err(StoreError::NotFound { .. }) => {}
+                there => return there,
+            }
+            let object = self.write_object(name, Packed::Chunks(Arc::new(chunks))).await?;
+            let info = ProgramInfo { id, size_bytes, chunk_count, created_us: self.now_us() };
+            let written = object.clone();
+            let put = self.write(0, move |tx| Box::pin(put_object(&mut tx.connection, info, written))).await;
+            if !matches!(put, Ok((_, true))) {
+                self.discard_object(&object.name).await;
+            }
+            return Ok(put?.0);
+        }
         let payload = chunks.iter().map(|chunk| chunk.data.len()).sum();
         self.write(payload, move |tx| {
             Box::pin(async move {
                 if let Some(info) = find_program(&mut tx.connection, id).await? {
                     return Ok(info);
                 }
-                let info = ProgramInfo { id, size_bytes, chunk_count: chunks.len() as u64, created_us: tx.now_us() };
+                let info = ProgramInfo { id, size_bytes, chunk_count, created_us: tx.now_us() };
                 let content = insert_content(&mut tx.connection).await?;
                 insert_chunks(&mut tx.connection, content, chunks).await?;
                 insert_program(&mut tx.connection, content, &info).await?;
@@ -241,7 +290,10 @@ impl Programs for SqliteStore {
         .await?;
         match row {
             Some(row) => chunk_source(&row).await,
-            None => Err(StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}"))),
+            None => {
+                let read = self.read_piece(id, chunk_index).await?;
+                read.ok_or_else(|| StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}")))
+            }
         }
     }
 
@@ -296,7 +348,9 @@ impl Programs for SqliteStore {
     }
 
     async fn expire_uploads(&self) -> Result<u64> {
-        self.discard_expired().await
+        let expired = self.discard_expired().await?;
+        self.tidy_objects().await?;
+        Ok(expired)
     }
 
     async fn delete_upload(&self, id: UploadId) -> Result<()> {

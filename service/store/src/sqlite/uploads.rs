@@ -1,17 +1,20 @@
 //! Uploads in SQLite.
 
+use std::sync::Arc;
+
 use async_trait::async_trait;
 use bytes::Bytes;
 use sqlx::Row;
 use uuid::Uuid;
 
 use super::SqliteStore;
+use super::objects::use_object;
 use super::programs::{find_program, insert_chunks, insert_content, insert_program};
 use super::writer::Transaction;
 use crate::error::{Result, StoreError};
+use crate::objects::Written;
 use crate::programs::{ProgramInfo, UploadId, UploadInfo, UploadStart};
 use crate::settings::StoreSettings;
-use crate::sql::clock::system_us;
 use crate::sql::programs::{Appended, missing_upload, upload_info};
 use crate::sql::record::{parsed, unsigned};
 use crate::sql::uploads::{NewUpload, UploadSteps};
@@ -28,10 +31,6 @@ impl SqliteStore {
 impl UploadSteps for SqliteStore {
     fn limits(&self) -> &StoreSettings {
         self.settings()
-    }
-
-    fn now_us(&self) -> i64 {
-        system_us()
     }
 
     async fn find_upload(&self, id: UploadId) -> Result<(i64, UploadInfo)> {
@@ -75,8 +74,14 @@ impl UploadSteps for SqliteStore {
         self.write(payload, move |tx| Box::pin(append(tx, id, content, span, appended))).await
     }
 
-    async fn write_program(&self, id: UploadId, content: i64, program: ProgramInfo) -> Result<(ProgramInfo, bool)> {
-        self.write(0, move |tx| Box::pin(finish(tx, id, content, program))).await
+    async fn write_program(
+        &self,
+        id: UploadId,
+        content: i64,
+        program: ProgramInfo,
+        object: Option<Arc<Written>>,
+    ) -> Result<(ProgramInfo, bool)> {
+        self.write(0, move |tx| Box::pin(finish(tx, id, content, program, object))).await
     }
 
     async fn remove_content(&self, content: i64) -> Result<()> {
@@ -173,7 +178,13 @@ async fn append(
     Ok(())
 }
 
-async fn finish(tx: &mut Transaction, id: UploadId, content: i64, program: ProgramInfo) -> Result<(ProgramInfo, bool)> {
+async fn finish(
+    tx: &mut Transaction,
+    id: UploadId,
+    content: i64,
+    program: ProgramInfo,
+    object: Option<Arc<Written>>,
+) -> Result<(ProgramInfo, bool)> {
     let deleted =
         sqlx::query("DELETE FROM uploads WHERE id = ?").bind(id.to_string()).execute(&mut tx.connection).await?;
     if deleted.rows_affected() == 0 {
@@ -184,6 +195,9 @@ async fn finish(tx: &mut Transaction, id: UploadId, content: i64, program: Progr
         return Ok((program, false));
     }
     insert_program(&mut tx.connection, content, &program).await?;
+    if let Some(object) = object {
+        use_object(&mut tx.connection, content, &object).await?;
+    }
     Ok((program, true))
 }
 

@@ -8,6 +8,7 @@ mod checkpoints;
 mod database;
 mod documents;
 mod jobs;
+mod objects;
 mod programs;
 mod retention;
 mod runs;

@@ -258,5 +258,6 @@ pub(super) const TABLES: [Table; 21] = [
     Table { name: "audit_tenants", keys: 1, columns: &[("tenant", Text), ("entries", Integer)] },
 ];
 
-/// Tables of a file that hold no records.
-pub(super) const OTHERS: [&str; 4] = ["_sqlx_migrations", "counters", "probe", "sqlite_sequence"];
+/// Tables of a file that hold no records, or records that become others.
+pub(super) const OTHERS: [&str; 6] =
+    ["_sqlx_migrations", "counters", "object_chunks", "objects", "probe", "sqlite_sequence"];

@@ -15,7 +15,7 @@ use crate::sql::check::{Check, FILE, Parameter, Verified};
 pub(crate) async fn check(path: &Path) -> Result<CheckReport> {
     let mut connection = connect(path).await?;
     sqlx::query("PRAGMA query_only = ON").execute(&mut connection).await?;
-    let mut check = Check { database: connection, report: CheckReport::default() };
+    let mut check = Check::new(connection);
     check.file().await;
     check.records().await?;
     sqlx::Connection::close(check.database).await?;
