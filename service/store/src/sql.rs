@@ -13,6 +13,7 @@ pub(crate) mod objects;
 pub(crate) mod pages;
 pub(crate) mod programs;
 pub(crate) mod record;
+pub(crate) mod retention;
 pub(crate) mod run_checkpoints;
 pub(crate) mod runs;
 pub(crate) mod uploads;

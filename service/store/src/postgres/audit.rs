@@ -141,7 +141,7 @@ async fn remove_before(tx: &mut Transaction, cutoff_us: i64, most: i64) -> Resul
 
 impl PostgresStore {
     /// Removes up to `most` entries from before a time, oldest first; how many.
-    pub(super) async fn remove_audit(&self, cutoff_us: i64, most: i64) -> Result<u64> {
+    pub(super) async fn remove_audit_before(&self, cutoff_us: i64, most: i64) -> Result<u64> {
         self.write_audit(0, move |tx| Box::pin(remove_before(tx, cutoff_us, most))).await
     }
 

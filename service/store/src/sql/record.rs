@@ -96,7 +96,8 @@ where
     row.text_option(column)?.map(|text| parse(text, column)).transpose()
 }
 
-fn parse<T>(text: &str, column: &str) -> Result<T>
+/// What a text of a column says.
+pub(crate) fn parse<T>(text: &str, column: &str) -> Result<T>
 where
     T: FromStr<Err: Display>,
 {

@@ -125,7 +125,7 @@ async fn repeat(connection: &mut SqliteConnection, at_us: i64, sequence: i64, ti
 
 impl SqliteStore {
     /// Removes up to `most` entries from before a time, oldest first; how many.
-    pub(super) async fn remove_audit(&self, cutoff_us: i64, most: i64) -> Result<u64> {
+    pub(super) async fn remove_audit_before(&self, cutoff_us: i64, most: i64) -> Result<u64> {
         self.write(0, move |tx| {
             Box::pin(async move {
                 let gone: Vec<String> = sqlx::query_scalar(

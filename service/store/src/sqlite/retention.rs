@@ -1,160 +1,27 @@
 //! Retention in SQLite.
 
-use std::time::Duration;
-
 use async_trait::async_trait;
-use sqlx::Row as _;
-use uuid::Uuid;
+use sqlx::{AssertSqlSafe, Row as _};
 
 use super::SqliteStore;
-use crate::error::{Result, StoreError};
-use crate::programs::{ProgramKey, Programs as _};
-use crate::retention::{Removed, Retention, RetentionPolicy};
-use crate::sql::clock::system_us;
-use crate::sql::record::parsed;
+use crate::error::Result;
+use crate::sql::check::Parameter;
+use crate::sql::retention::RetentionSteps;
 
-/// Records removed by one write.
-const BATCH: i64 = 100;
 /// Pages given back by one write.
 const PAGES: u32 = 1_000;
 
-/// Programs younger than this are not removed for the sake of size: their jobs may be yet to come.
-const UNUSED: Duration = Duration::from_secs(3_600);
-
-/// Jobs that may go and were changed before a time.
-const JOBS: &str = "FROM jobs AS j WHERE j.state IN ('ready', 'rejected', 'cancelled', 'failed') AND j.updated_us < ?
-    AND NOT EXISTS (SELECT 1 FROM runs AS r WHERE r.job_id = j.id AND r.state = 'open')";
-const RUNS: &str = "FROM runs AS j WHERE j.state <> 'open' AND j.updated_us < ?";
-const PROGRAMS: &str = "FROM programs AS j WHERE j.created_us < ?
-    AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = j.id)
-    AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = j.id)";
-const EVENTS: &str = "FROM job_events AS j WHERE j.at_us < ?";
-const AUDIT: &str = "FROM audit_entries AS j WHERE j.at_us < ?";
-
-fn cutoff(age: Option<Duration>) -> Option<i64> {
-    let age_us = i64::try_from(age?.as_micros()).unwrap_or(i64::MAX);
-    Some(system_us().saturating_sub(age_us))
-}
-
 impl SqliteStore {
-    async fn count(&self, from: &str, age: Option<Duration>) -> Result<u64> {
-        let Some(cutoff) = cutoff(age) else { return Ok(0) };
-        let sql = format!("SELECT COUNT(*) {from}");
-        let count: i64 =
-            sqlx::query_scalar(sqlx::AssertSqlSafe(sql)).bind(cutoff).fetch_one(&mut *self.reader().await?).await?;
-        Ok(count.unsigned_abs())
-    }
-
-    /// Removes records by their row numbers, oldest first; how many.
-    async fn remove(&self, table: &'static str, from: &'static str, cutoff: i64) -> Result<u64> {
-        let mut removed = 0;
-        loop {
-            let gone = self
-                .write(0, move |tx| {
-                    Box::pin(async move {
-                        let sql = format!(
-                            "DELETE FROM {table} WHERE rowid IN (SELECT j.rowid {from} ORDER BY j.rowid LIMIT {BATCH})"
-                        );
-                        let gone =
-                            sqlx::query(sqlx::AssertSqlSafe(sql)).bind(cutoff).execute(&mut tx.connection).await?;
-                        Ok(gone.rows_affected())
-                    })
-                })
-                .await?;
-            removed += gone;
-            if gone < BATCH.unsigned_abs() {
-                return Ok(removed);
-            }
-        }
-    }
-
-    /// Removes the oldest jobs, at most so many; they are logged as deleted.
-    async fn remove_jobs(&self, cutoff: i64, most: i64) -> Result<u64> {
-        let sql = format!("SELECT j.id {JOBS} ORDER BY j.sequence LIMIT {most}");
-        let rows = sqlx::query(sqlx::AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut *self.reader().await?).await?;
-        let mut removed = 0;
-        for row in &rows {
-            let id: Uuid = parsed(row, "id")?;
-            match crate::Jobs::delete_job(self, id, None).await {
-                Ok(()) => removed += 1,
-                Err(StoreError::NotFound { .. }) => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(removed)
-    }
-
-    /// Removes the oldest job that may go, with the programs that no other one uses: whatever their age, theirs has come.
-    async fn remove_oldest_job(&self, removed: &mut Removed) -> Result<bool> {
-        let sql = format!("SELECT j.id {JOBS} ORDER BY j.sequence LIMIT 1");
-        let row =
-            sqlx::query(sqlx::AssertSqlSafe(sql)).bind(i64::MAX).fetch_optional(&mut *self.reader().await?).await?;
-        let Some(row) = row else { return Ok(false) };
-        let id: Uuid = parsed(&row, "id")?;
-        let used =
-            "SELECT program_id AS id FROM jobs WHERE id = ? UNION SELECT program_id FROM job_programs WHERE job_id = ?";
-        let used =
-            sqlx::query(used).bind(id.to_string()).bind(id.to_string()).fetch_all(&mut *self.reader().await?).await?;
-        match crate::Jobs::delete_job(self, id, None).await {
-            Ok(()) => removed.jobs += 1,
-            Err(StoreError::NotFound { .. }) => {}
-            Err(error) => return Err(error),
-        }
-        for row in &used {
-            let ProgramKey(program) = parsed(row, "id")?;
-            match self.delete_program(program).await {
-                Ok(()) => removed.programs += 1,
-                Err(StoreError::NotFound { .. } | StoreError::InUse { .. }) => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(true)
-    }
-
-    /// Bytes of programs whose jobs may be yet to come, and of unfinished ones. No job goes to make room for them.
-    async fn bytes_of_new_programs(&self) -> Result<u64> {
+    /// Bytes of programs whose jobs may be yet to come, and of unfinished ones.
+    async fn bytes_of_new_programs(&self, since_us: i64) -> Result<u64> {
         let sql = "SELECT (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM upload_tails)
             + (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM program_chunks WHERE content_id IN (
                 SELECT p.content_id FROM programs AS p WHERE p.created_us >= ?
                     AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
                     AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id)
                 UNION ALL SELECT content_id FROM uploads))";
-        let since = cutoff(Some(UNUSED)).unwrap_or(i64::MIN);
-        let bytes: i64 = sqlx::query_scalar(sql).bind(since).fetch_one(&mut *self.reader().await?).await?;
+        let bytes: i64 = sqlx::query_scalar(sql).bind(since_us).fetch_one(&mut *self.reader().await?).await?;
         Ok(bytes.unsigned_abs())
-    }
-
-    async fn remove_programs(&self, cutoff: i64) -> Result<u64> {
-        let mut removed = 0;
-        loop {
-            let sql = format!("SELECT j.id {PROGRAMS} ORDER BY j.sequence LIMIT {BATCH}");
-            let rows = sqlx::query(sqlx::AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut *self.reader().await?).await?;
-            let before = removed;
-            for row in &rows {
-                let ProgramKey(id) = parsed(row, "id")?;
-                match self.delete_program(id).await {
-                    Ok(()) => removed += 1,
-                    // A job was created with it meanwhile.
-                    Err(StoreError::NotFound { .. } | StoreError::InUse { .. }) => {}
-                    Err(error) => return Err(error),
-                }
-            }
-            if rows.len() < BATCH as usize || removed == before {
-                return Ok(removed);
-            }
-        }
-    }
-
-    /// Bytes in use, free space not counted.
-    async fn bytes_in_use(&self) -> Result<u64> {
-        let row = sqlx::query(
-            "SELECT (SELECT page_count FROM pragma_page_count) - (SELECT freelist_count FROM pragma_freelist_count) AS pages,
-                (SELECT page_size FROM pragma_page_size) AS bytes",
-        )
-        .fetch_one(&mut *self.reader().await?)
-        .await?;
-        let (pages, bytes): (i64, i64) = (row.try_get("pages")?, row.try_get("bytes")?);
-        Ok(pages.unsigned_abs() * bytes.unsigned_abs())
     }
 
     /// Bytes of the logs that have bounds of their own. It reads all of them.
@@ -167,22 +34,54 @@ impl SqliteStore {
         .await?;
         Ok(bytes.unsigned_abs())
     }
+}
 
-    /// Removes the oldest jobs that have ended, and the programs that no job uses then, until what is kept of them has no
-    /// more than so many bytes.
-    async fn remove_beyond(&self, bytes: u64, removed: &mut Removed) -> Result<()> {
-        if self.bytes_in_use().await? <= bytes {
-            return Ok(());
-        }
-        let unused = cutoff(Some(UNUSED)).unwrap_or(i64::MAX);
-        removed.programs += self.remove_programs(unused).await?;
-        let others = self.bytes_of_logs().await? + self.bytes_of_new_programs().await?;
-        let most = bytes.saturating_add(others);
-        while self.bytes_in_use().await? > most && self.remove_oldest_job(removed).await? {}
-        Ok(())
+#[async_trait]
+impl RetentionSteps for SqliteStore {
+    async fn number(&self, sql: String, parameter: i64) -> Result<i64> {
+        Ok(sqlx::query_scalar(AssertSqlSafe(sql)).bind(parameter).fetch_one(&mut *self.reader().await?).await?)
     }
 
-    /// Gives free pages back to the file system, where the database was made for that.
+    async fn ids(&self, sql: String, parameter: Parameter<'_>) -> Result<Vec<String>> {
+        let query = sqlx::query_scalar(AssertSqlSafe(sql));
+        let query = match parameter {
+            Parameter::Text(text) => query.bind(text),
+            Parameter::Integer(number) => query.bind(number),
+        };
+        Ok(query.fetch_all(&mut *self.reader().await?).await?)
+    }
+
+    async fn change(&self, sql: String, parameter: i64) -> Result<u64> {
+        self.write(0, move |tx| {
+            Box::pin(async move {
+                let changed = sqlx::query(AssertSqlSafe(sql)).bind(parameter).execute(&mut tx.connection).await?;
+                Ok(changed.rows_affected())
+            })
+        })
+        .await
+    }
+
+    async fn remove_audit(&self, cutoff_us: i64, most: i64) -> Result<u64> {
+        self.remove_audit_before(cutoff_us, most).await
+    }
+
+    /// Free space is not counted.
+    async fn bytes_in_use(&self) -> Result<u64> {
+        let row = sqlx::query(
+            "SELECT (SELECT page_count FROM pragma_page_count) - (SELECT freelist_count FROM pragma_freelist_count) AS pages,
+                (SELECT page_size FROM pragma_page_size) AS bytes",
+        )
+        .fetch_one(&mut *self.reader().await?)
+        .await?;
+        let (pages, bytes): (i64, i64) = (row.try_get("pages")?, row.try_get("bytes")?);
+        Ok(pages.unsigned_abs() * bytes.unsigned_abs())
+    }
+
+    async fn bytes_set_aside(&self, since_us: i64) -> Result<u64> {
+        Ok(self.bytes_of_logs().await? + self.bytes_of_new_programs(since_us).await?)
+    }
+
+    /// Of a database that was made for that.
     async fn give_back(&self) -> Result<()> {
         loop {
             let free = "SELECT freelist_count FROM pragma_freelist_count";
@@ -190,7 +89,7 @@ impl SqliteStore {
             self.write(0, move |tx| {
                 Box::pin(async move {
                     let sql = format!("PRAGMA incremental_vacuum({PAGES})");
-                    sqlx::query(sqlx::AssertSqlSafe(sql)).execute(&mut tx.connection).await?;
+                    sqlx::query(AssertSqlSafe(sql)).execute(&mut tx.connection).await?;
                     Ok(())
                 })
             })
@@ -200,54 +99,5 @@ impl SqliteStore {
                 return Ok(());
             }
         }
-    }
-}
-
-#[async_trait]
-impl Retention for SqliteStore {
-    async fn expired(&self, policy: &RetentionPolicy) -> Result<Removed> {
-        Ok(Removed {
-            jobs: self.count(JOBS, policy.jobs).await?,
-            runs: self.count(RUNS, policy.runs).await?,
-            programs: self.count(PROGRAMS, policy.programs).await?,
-            events: self.count(EVENTS, policy.events).await?,
-            audit: self.count(AUDIT, policy.audit).await?,
-        })
-    }
-
-    async fn remove_expired(&self, policy: &RetentionPolicy) -> Result<Removed> {
-        let mut removed = Removed::default();
-        if let Some(cutoff) = cutoff(policy.runs) {
-            removed.runs = self.remove("runs", RUNS, cutoff).await?;
-        }
-        if let Some(cutoff) = cutoff(policy.jobs) {
-            loop {
-                let gone = self.remove_jobs(cutoff, BATCH).await?;
-                removed.jobs += gone;
-                if gone == 0 {
-                    break;
-                }
-            }
-        }
-        if let Some(cutoff) = cutoff(policy.programs) {
-            removed.programs = self.remove_programs(cutoff).await?;
-        }
-        if let Some(cutoff) = cutoff(policy.events) {
-            removed.events = self.remove("job_events", EVENTS, cutoff).await?;
-        }
-        if let Some(cutoff) = cutoff(policy.audit) {
-            loop {
-                let gone = self.remove_audit(cutoff, BATCH).await?;
-                removed.audit += gone;
-                if gone < BATCH.unsigned_abs() {
-                    break;
-                }
-            }
-        }
-        if let Some(bytes) = policy.bytes {
-            self.remove_beyond(bytes, &mut removed).await?;
-        }
-        self.give_back().await?;
-        Ok(removed)
     }
 }
