@@ -178,6 +178,7 @@ async fn a_decision_that_cannot_be_read_keeps_nobody_from_those_behind_it() {
     let is_readable = |decision: &&serde_json::Value| !["2", "3"].contains(&decision["number"].as_str().unwrap_or(""));
     let readable: Vec<_> = listed.iter().filter(is_readable).map(|decision| decision["sequence"].clone()).collect();
     let home = damaged(server, "UPDATE decisions SET body = x'ff' WHERE number IN (2, 3)").await;
+    assert_exit("check", home.path(), &[], 1, "the body of decision 2 of runs/").await;
 
     let server = home.start().await;
     let mut events = server.web().open("/v1/stream", &[("last-event-id", "0-0")]).await;
@@ -200,6 +201,16 @@ async fn a_decision_that_cannot_be_read_keeps_nobody_from_those_behind_it() {
         let response = patiently(watched.message()).await.expect("the stream goes on").expect("a decision");
         assert_eq!(response.decision.expect("a decision").sequence.to_string(), sequence);
     }
+}
+
+#[tokio::test]
+async fn a_damaged_entry_of_the_audit_log_is_found() {
+    let server = Server::start(FEEDWAVE).await;
+    server.connect().await.submit("G21\nG0 X10. Z1.\nM30\n").await;
+    let text = assert_exit("check", server.home().path(), &[], 0, "intact").await;
+    assert!(text.contains("audit entry") && text.contains("decision"), "{text}");
+    let home = damaged(server, "UPDATE audit_entries SET occurrences = -1").await;
+    assert_exit("check", home.path(), &[], 1, "column occurrences holds -1").await;
 }
 
 #[tokio::test]

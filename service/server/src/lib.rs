@@ -23,3 +23,5 @@ mod records;
 mod retention;
 pub mod services;
 mod stored;
+
+pub use stored::read_decision;

@@ -25,6 +25,15 @@ pub(crate) fn to_stored<M: Name>(message: &M) -> Result<feedwave_store::Json> {
     feedwave_store::RawValue::from_string(json::to_string(message)).map_err(Error::internal)
 }
 
+/// Whether the stored body of a decision can be read, and what is wrong with it.
+///
+/// # Errors
+/// Where it cannot.
+pub fn read_decision(body: bytes::Bytes) -> std::result::Result<(), String> {
+    let decision = decision_from_stored(body).map_err(|error| error.to_string())?;
+    if decision.outcome.is_none() { Err("it decides nothing".to_owned()) } else { Ok(()) }
+}
+
 #[cfg(test)]
 mod tests {
     use feedwave_contract::proto;

@@ -48,7 +48,8 @@ pub use jobs::{
 };
 pub use machines::{MachineRecord, Machines};
 pub use maintenance::{
-    CheckReport, CopyError, CopyReport, MAX_PROBLEMS, Problem, TableCopy, backup, check, copy, migrate, restore,
+    CheckReport, CopyError, CopyReport, MAX_PROBLEMS, Problem, ReadDecision, TableCopy, backup, check, check_with,
+    copy, migrate, restore,
 };
 pub use objects::{InvalidObjectsUri, ObjectSettings, ObjectsUri};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};

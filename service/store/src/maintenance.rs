@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use bytes::Bytes;
+
 use crate::error::{Result, StoreError};
 use crate::postgres;
 use crate::settings::StoreSettings;
@@ -65,9 +67,20 @@ pub struct CopyReport {
 /// # Errors
 /// `CannotOpen`, `Incompatible`, `Unavailable`. That something is damaged is no error but what the report says.
 pub async fn check(uri: &StoreUri) -> Result<CheckReport> {
+    check_with(uri, |_| Ok(())).await
+}
+
+/// Reads the body of a decision, of which the store knows nothing; why it cannot be read.
+pub type ReadDecision = fn(Bytes) -> std::result::Result<(), String>;
+
+/// As [`check`], the bodies of decisions included.
+///
+/// # Errors
+/// Those of [`check`].
+pub async fn check_with(uri: &StoreUri, read_decision: ReadDecision) -> Result<CheckReport> {
     match uri.place() {
-        Place::Sqlite(options) => maintenance::check(&options.path).await,
-        Place::Postgres(options) => postgres::check(options).await,
+        Place::Sqlite(options) => maintenance::check(&options.path, read_decision).await,
+        Place::Postgres(options) => postgres::check(options, read_decision).await,
     }
 }
 

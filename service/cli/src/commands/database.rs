@@ -136,7 +136,8 @@ pub async fn copy(args: CopyArgs) -> Result<ExitCode, CliError> {
 /// [`CliError`] when it cannot be read.
 pub async fn check(args: CheckArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let uri = args.store.uri(global)?;
-    let report = feedwave_store::check(&uri).await.map_err(|error| failed(&uri, &error))?;
+    let report =
+        feedwave_store::check_with(&uri, feedwave_server::read_decision).await.map_err(|error| failed(&uri, &error))?;
     match args.format {
         Format::Json => print_json(&check_message(&report))?,
         _ => print(&text(&uri, &report))?,

@@ -7,14 +7,14 @@ use sqlx::{Connection as _, PgConnection};
 use super::PostgresOptions;
 use super::open::connect_unchanged;
 use crate::error::{Result, StoreError};
-use crate::maintenance::CheckReport;
+use crate::maintenance::{CheckReport, ReadDecision};
 use crate::sql::check::{Check, Parameter, Verified};
 
 /// See [`crate::check`].
-pub(crate) async fn check(options: &PostgresOptions) -> Result<CheckReport> {
+pub(crate) async fn check(options: &PostgresOptions, read_decision: ReadDecision) -> Result<CheckReport> {
     let mut connection = connect_unchanged(options).await?;
     sqlx::query("SET default_transaction_read_only = on").execute(&mut connection).await?;
-    let mut check = Check::new(connection);
+    let mut check = Check::new(connection, read_decision);
     check.records().await?;
     check.database.close().await?;
     Ok(check.report)

@@ -183,7 +183,7 @@ async fn copy_held(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<Tab
 
 /// A file of which everything is there and would be copied.
 async fn open_intact(from: &SqliteOptions) -> Result<SqliteConnection> {
-    let found = maintenance::check(&from.path).await?;
+    let found = maintenance::check(&from.path, |_| Ok(())).await?;
     if let Some(first) = found.problems.first() {
         let count = found.problems.len() as u64 + found.further_problems;
         return Err(StoreError::Damaged { count, first: format!("{} {}: {}", first.kind, first.id, first.reason) });

@@ -6,15 +6,17 @@ use async_trait::async_trait;
 use bytes::Bytes;
 use sha2::{Digest as _, Sha256};
 
+use super::audit::entry;
 use super::compress::{decompress, offload};
 use super::objects::{PIECE, object_name, piece};
 use super::record::{Record, json_option, parsed, parsed_option, to_json, unsigned};
+use super::runs::decision;
 use crate::error::{Result, StoreError};
 use crate::jobs::JobState;
-use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem};
+use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem, ReadDecision};
 use crate::objects::{MISSING, Objects};
 use crate::programs::{CHUNK_BYTES, ProgramId, ProgramKey};
-use crate::runs::RunState;
+use crate::runs::{DecisionRecord, RunState};
 
 const NOTHING: &str = "nothing: it is made again when it is needed";
 const PROGRAM: &str = "the program, and with it streams of the jobs that use it; upload it again";
@@ -25,6 +27,10 @@ const RUN: &str = "the proof of the run";
 const RECORDED: &str = "what could be learnt from this cut of the run";
 const DOCUMENT: &str = "the machine or tool; put it again";
 const EVENT: &str = "a line of the log";
+const DECISION: &str = "the decision: who watches passes over it, and the proof of its run is not whole";
+const AUDIT: &str = "an entry of the audit log";
+/// Rows of a log that are read at once.
+const LOG_ROWS: usize = 1_000;
 /// What is lost with damage that is not a record's.
 pub(crate) const FILE: &str = "what is in the damaged pages; restore a backup";
 
@@ -54,6 +60,7 @@ pub(crate) struct Check<D> {
     pub(crate) database: D,
     /// What was found.
     pub(crate) report: CheckReport,
+    read_decision: ReadDecision,
     objects: Objects,
     /// Object stores that do not answer, and why: each is asked until then only.
     silent: HashMap<String, String>,
@@ -61,8 +68,9 @@ pub(crate) struct Check<D> {
 
 impl<D: Verified> Check<D> {
     /// Of which nothing was looked at yet.
-    pub(crate) fn new(database: D) -> Self {
-        Self { database, report: CheckReport::default(), objects: Objects::known(), silent: HashMap::new() }
+    pub(crate) fn new(database: D, read_decision: ReadDecision) -> Self {
+        let report = CheckReport::default();
+        Self { database, report, read_decision, objects: Objects::known(), silent: HashMap::new() }
     }
 
     /// Verifies every record.
@@ -79,7 +87,9 @@ impl<D: Verified> Check<D> {
         self.recorded_cuts().await?;
         self.documents().await?;
         self.runs().await?;
-        self.events().await
+        self.decisions().await?;
+        self.events().await?;
+        self.audit().await
     }
 
     /// Something that is not as it was written.
@@ -364,17 +374,63 @@ impl<D: Verified> Check<D> {
         self.packed(sql, &[Parameter::Text(id)]).await.map(drop)
     }
 
-    async fn events(&mut self) -> Result<()> {
-        let rows = self.ids("event", "SELECT sequence, job_id, from_state, to_state FROM job_events").await?;
-        for row in rows {
-            let event = || -> Result<()> {
-                parsed::<uuid::Uuid>(&row, "job_id")?;
-                parsed_option::<JobState>(&row, "from_state")?;
-                parsed_option::<JobState>(&row, "to_state")?;
-                Ok(())
+    /// Every row of a log, a little at a time in the order of its numbers, of which `$1` is the last one that was read.
+    async fn log(
+        &mut self,
+        kind: &'static str,
+        sql: &'static str,
+        lost: &'static str,
+        read: impl Fn(&D::Row) -> Result<()> + Send,
+    ) -> Result<()> {
+        let (mut last, mut count) = (0, 0);
+        loop {
+            let rows = match self.database.rows(sql, &[Parameter::Integer(last)]).await {
+                Ok(rows) => rows,
+                Err(error) if D::is_damage(&error) => {
+                    self.problem("file", kind, error, FILE);
+                    break;
+                }
+                Err(error) => return Err(error),
             };
-            self.note("event", row.integer("sequence")?, event(), EVENT)?;
+            for row in &rows {
+                last = row.integer("sequence")?;
+                self.note(kind, last, read(row), lost)?;
+            }
+            count += rows.len() as u64;
+            if rows.len() < LOG_ROWS {
+                break;
+            }
         }
+        self.report.checked.push((kind, count));
         Ok(())
+    }
+
+    async fn decisions(&mut self) -> Result<()> {
+        let sql = "SELECT * FROM decisions WHERE sequence > $1 ORDER BY sequence LIMIT 1000";
+        let read_decision = self.read_decision;
+        self.log("decision", sql, DECISION, |row| {
+            let DecisionRecord { run_id, number, body, .. } = decision(row)?;
+            read_decision(body).map_err(|reason| {
+                StoreError::corrupt(format!("the body of decision {number} of runs/{run_id} cannot be read: {reason}"))
+            })
+        })
+        .await
+    }
+
+    async fn events(&mut self) -> Result<()> {
+        let sql = "SELECT sequence, job_id, from_state, to_state FROM job_events WHERE sequence > $1
+            ORDER BY sequence LIMIT 1000";
+        self.log("event", sql, EVENT, |row| {
+            parsed::<uuid::Uuid>(row, "job_id")?;
+            parsed_option::<JobState>(row, "from_state")?;
+            parsed_option::<JobState>(row, "to_state")?;
+            Ok(())
+        })
+        .await
+    }
+
+    async fn audit(&mut self) -> Result<()> {
+        let sql = "SELECT * FROM audit_entries WHERE sequence > $1 ORDER BY sequence LIMIT 1000";
+        self.log("audit entry", sql, AUDIT, |row| entry(row).map(drop)).await
     }
 }

@@ -8,14 +8,14 @@ use sqlx::{Row as _, SqliteConnection};
 
 use super::connect;
 use crate::error::{Result, StoreError};
-use crate::maintenance::CheckReport;
+use crate::maintenance::{CheckReport, ReadDecision};
 use crate::sql::check::{Check, FILE, Parameter, Verified};
 
 /// See [`crate::check`].
-pub(crate) async fn check(path: &Path) -> Result<CheckReport> {
+pub(crate) async fn check(path: &Path, read_decision: ReadDecision) -> Result<CheckReport> {
     let mut connection = connect(path).await?;
     sqlx::query("PRAGMA query_only = ON").execute(&mut connection).await?;
-    let mut check = Check::new(connection);
+    let mut check = Check::new(connection, read_decision);
     check.file().await;
     check.records().await?;
     sqlx::Connection::close(check.database).await?;
