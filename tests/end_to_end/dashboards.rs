@@ -74,12 +74,20 @@ async fn what_cannot_be_answered_is_refused_in_the_same_vocabulary() {
         ("/v1/jobs/01900000-0000-7000-8000-000000000001", StatusCode::NOT_FOUND),
         ("/v1/nothing", StatusCode::NOT_FOUND),
         ("/v1/jobs/%ff", StatusCode::BAD_REQUEST),
+        // A parameter that a path does not have is refused before anything is looked for.
+        ("/v1/jobs/01900000-0000-7000-8000-000000000001?colour=red", StatusCode::BAD_REQUEST),
+        ("/v1/jobs/01900000-0000-7000-8000-000000000001/report?colour=red", StatusCode::BAD_REQUEST),
+        ("/v1/runs/01900000-0000-7000-8000-000000000001?colour=red", StatusCode::BAD_REQUEST),
+        ("/v1/machines/mill/state?colour=red", StatusCode::BAD_REQUEST),
+        ("/v1/state?colour=red", StatusCode::BAD_REQUEST),
     ];
     for (path, status) in cases {
         let answer = web.get(path).await;
         assert_eq!(answer.status, status, "{path}: {answer:?}");
         let json = answer.json();
         assert!(json["code"].is_u64() && json["message"].is_string(), "{path}: {json}");
+        let names_parameter = answer.text().contains("colour: is not a parameter");
+        assert_eq!(names_parameter, path.contains("colour"), "{path}: {json}");
     }
     let posted = web.send("POST", "/v1/jobs", &[], Bytes::from_static(b"{}")).await;
     assert_eq!((posted.status, posted.header("allow")), (StatusCode::METHOD_NOT_ALLOWED, "GET,HEAD"));

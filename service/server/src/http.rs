@@ -195,6 +195,18 @@ async fn list_jobs(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Ans
     Ok(message(&headers, &api.list_jobs(request).await?))
 }
 
+/// That nothing is asked for behind a question mark: a misspelt or an unknown parameter is refused, as where there are some.
+struct NoParameters;
+
+impl<S: Sync> FromRequestParts<S> for NoParameters {
+    type Rejection = HttpError;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, HttpError> {
+        Query::parse(parts.uri.query()).finish()?;
+        Ok(Self)
+    }
+}
+
 /// What a path says in place of an id; an answer in our own words where it is not even text.
 type Id = Result<Path<String>, PathRejection>;
 
@@ -206,12 +218,12 @@ fn name(collection: &str, id: Id) -> Result<String, HttpError> {
     Ok(name.unwrap_or_default())
 }
 
-async fn get_job(api: Api, id: Id, headers: HeaderMap) -> Answer {
+async fn get_job(api: Api, id: Id, _: NoParameters, headers: HeaderMap) -> Answer {
     let response = api.get_job(GetJobRequest { name: name("jobs", id)? }).await?;
     Ok(message(&headers, &response.job.unwrap_or_default()))
 }
 
-async fn get_report(api: Api, id: Id, headers: HeaderMap) -> Answer {
+async fn get_report(api: Api, id: Id, _: NoParameters, headers: HeaderMap) -> Answer {
     let response = api.get_report(GetReportRequest { job: name("jobs", id)? }).await?;
     Ok(message(&headers, &response.report.unwrap_or_default()))
 }
@@ -239,7 +251,7 @@ async fn list_runs(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Ans
     Ok(message(&headers, &api.list_runs(request).await?))
 }
 
-async fn get_run(api: Api, id: Id, headers: HeaderMap) -> Answer {
+async fn get_run(api: Api, id: Id, _: NoParameters, headers: HeaderMap) -> Answer {
     let response = api.get_run(GetRunRequest { name: name("runs", id)? }).await?;
     Ok(message(&headers, &response.run.unwrap_or_default()))
 }
@@ -269,8 +281,7 @@ fn page_of_states(page: &Page<Arc<Shown>>) -> Vec<u8> {
     text
 }
 
-async fn get_machine_state(api: Api, id: Id, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
-    Query::parse(raw.as_deref()).finish()?;
+async fn get_machine_state(api: Api, id: Id, _: NoParameters, headers: HeaderMap) -> Answer {
     Ok(api.shown(&name("machines", id)?)?.answer().response(&headers))
 }
 
@@ -322,7 +333,7 @@ async fn list_audit_entries(api: Api, RawQuery(raw): RawQuery, headers: HeaderMa
     Ok(message(&headers, &api.list_audit_entries(request).await?))
 }
 
-async fn get_state(State(state): State<HttpState>, api: Api, headers: HeaderMap) -> Answer {
+async fn get_state(State(state): State<HttpState>, api: Api, _: NoParameters, headers: HeaderMap) -> Answer {
     let jobs = api.store.count_jobs().await?;
     let active = active(&api, &jobs);
     let answer = ServerState {
@@ -345,7 +356,7 @@ async fn get_state(State(state): State<HttpState>, api: Api, headers: HeaderMap)
     Ok(message(&headers, &answer))
 }
 
-async fn get_open_api(headers: HeaderMap) -> Response {
+async fn get_open_api(_: NoParameters, headers: HeaderMap) -> Response {
     static DOCUMENT: LazyLock<Tagged> = LazyLock::new(|| Tagged::new(openapi::document().to_string()));
     DOCUMENT.response(&headers)
 }
