@@ -21,15 +21,15 @@ let browser;
 const problems = [];
 
 /** A page that may ask nothing but the service, and whose console stays empty. */
-const open = async (path, options = {}, from = service) => {
+const open = async (path, { isMissing = false, ...options } = {}, from = service) => {
   const context = await browser.newContext({ viewport: LARGE, locale: "en-GB", ...options });
   const page = await context.newPage();
   page.on("request", (request) => {
     if (!request.url().startsWith(`${from.url}/`)) problems.push(`asks ${request.url()}`);
   });
   page.on("console", (message) => {
-    // A service that is away is said so by the browser as well.
-    const isAway = (page.isServiceAway || page.isUnknown) && /401|ERR_CONNECTION|ERR_INCOMPLETE|net::/.test(message.text());
+    // A service that is away, and what is not there, are said so by the browser as well.
+    const isAway = (page.isServiceAway || page.isUnknown || isMissing) && /401|404|ERR_CONNECTION|ERR_INCOMPLETE|net::/.test(message.text());
     // The test looks at what is drawn more often than a page does.
     const isOwn = message.text().startsWith("Canvas2D: Multiple readback");
     if (["error", "warning"].includes(message.type()) && !isAway && !isOwn) problems.push(`console: ${message.text()}`);
@@ -80,6 +80,11 @@ const board = async (state) => {
   assert.equal((await card.locator(".state").innerText()).toLowerCase(), "running");
   const alarm = await card.locator(".alarm").innerText();
   assert.equal(alarm !== "", (state.conditions ?? []).length > 0);
+  // Why the feed is as it is, also while later decisions keep it, and how long ago the last one was made.
+  const why = await card.innerText();
+  assert.ok(state.run.feedDecision, JSON.stringify(state.run));
+  assert.match(why, /decided (\d+ s|[\d:]+) ago/);
+  assert.equal(await card.locator(".reason").innerText() !== "", alarm === "");
   await isAccessible(page, "board");
   await shot(page, "board");
 
@@ -99,6 +104,12 @@ const board = async (state) => {
     .filter((card) => card.scrollWidth > card.clientWidth || card.scrollHeight > card.clientHeight)
     .map((card) => card.innerText));
   assert.deepEqual(cut, [], "cards of the wall that are not wholly seen");
+  // Few machines have large cards, and what is in them is as large as they are.
+  const filled = await card.evaluate((node) => {
+    const [first, last] = [node.firstElementChild, [...node.children].filter((child) => child.offsetHeight > 0).at(-1)].map((one) => one.getBoundingClientRect());
+    return (last.bottom - first.top) / node.getBoundingClientRect().height;
+  });
+  assert.ok(filled > 0.7, `the card of the wall is filled by ${filled}`);
   await shot(page, "wall");
   await page.context().close();
   for (const [name, viewport] of [["telephone", SMALL], ["twice", { width: 960, height: 540 }]]) {
@@ -138,6 +149,9 @@ const run = async (state) => {
   assert.match(await textOf(page, ".detail h3"), new RegExp(` ${decisions.at(-1).number}$`));
   const after = percent(decisions.at(-1).outcome.after.feed);
   assert.ok((await textOf(page, ".detail .facts")).includes(after), `${after} is not in the detail`);
+  // Now is on every axis.
+  assert.equal(await page.locator(".chart-now").count(), 4);
+  assert.equal(await page.locator(".timeline").getAttribute("data-open"), "true");
   await isAccessible(page, "run");
   await page.screenshot({ path: join(scratch, "screenshots", "run.png"), fullPage: true });
   await page.setViewportSize(SMALL);
@@ -145,6 +159,17 @@ const run = async (state) => {
     charts.every((chart) => chart.viewBox.baseVal.width === chart.clientWidth)));
   await isAccessible(page, "run on a telephone");
   await page.screenshot({ path: join(scratch, "screenshots", "run-telephone.png"), fullPage: true });
+  await page.context().close();
+};
+
+/** What the service says is in English, and marked so, on a page in German. */
+const refusal = async () => {
+  const page = await open("/runs/01900000-0000-7000-8000-000000000001", { isMissing: true });
+  await page.locator("#language").click();
+  const said = page.locator(".notice [lang=en]");
+  await said.waitFor();
+  assert.match(await page.locator(".notice").innerText(), /^Konnte nicht gelesen werden: /);
+  assert.match(await said.innerText(), /does not exist$/);
   await page.context().close();
 };
 
@@ -350,6 +375,7 @@ try {
   await standard(state, followed);
   await board(state);
   await run(state);
+  await refusal();
   await jobs(wrong);
   const tools = { service, open, shot, isAccessible, scratch };
   await programs.check(tools);

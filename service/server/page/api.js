@@ -1,5 +1,7 @@
 // What the service answers, and what it says by itself.
 
+import { inEnglish } from "./dom.js";
+
 const FIRST_PAUSE_MS = 2000;
 const LONGEST_PAUSE_MS = 30000;
 /** A stream that says nothing for so many heartbeats is dead. */
@@ -66,6 +68,9 @@ export class Refused extends Error {
   }
 }
 
+/** What went wrong, for a reader: what the service says is marked as English. */
+export const reasonOf = (error) => (error instanceof Refused ? inEnglish(error.message) : error.message);
+
 /** How far the clock of the service is ahead of the reader's, ms. */
 let aheadMs = 0;
 /** The service says its time in whole seconds, and an answer takes its way: less than that is no age. */
@@ -76,6 +81,9 @@ export const oldMs = (time) => {
   const age = Date.now() + aheadMs - Date.parse(time);
   return age > LEAST_AGE_MS ? age : 0;
 };
+
+/** The time of the service, as exact as it says it, ms. */
+export const serviceNow = () => Date.now() + (Math.abs(aheadMs) > LEAST_AGE_MS ? aheadMs : 0);
 
 const request = async (path, headers = {}, signal = undefined) => {
   const response = await fetch(path, { headers: { ...headers, ...identification() }, signal, cache: "no-cache" });

@@ -3,7 +3,7 @@
 import { element, keep, setAttribute, setText } from "./dom.js";
 import { duration, measured, percent, t } from "./text.js";
 import {
-  ageOf, conditionText, feedReason, isAvailable, isUnacknowledged, levelOf, limitBar, nameOf, otherRuns, paintBar, paintIcon,
+  ageOf, conditionText, decidedAgo, feedReason, isAvailable, isUnacknowledged, levelOf, limitBar, nameOf, otherRuns, paintBar, paintIcon,
   propertyOf, setValue, stateIcon, stateOf, valueNode,
 } from "./state.js";
 
@@ -52,7 +52,7 @@ const jobText = (run) => {
   return parts.join(" · ");
 };
 
-const updateCard = (store) => (card, machine) => {
+const updateCard = (store, isWall) => (card, machine) => {
   const find = (name) => card.querySelector(`.${name}`);
   const run = machine.run;
   const state = stateOf(machine);
@@ -79,9 +79,12 @@ const updateCard = (store) => (card, machine) => {
   const conditions = (machine.conditions ?? []).filter((one) => available || one.needsAcknowledgement || one.severity === "CONDITION_SEVERITY_FAULT");
   const further = conditions.length > 1 ? ` · ${t("further", { count: conditions.length - 1 })}` : "";
   // What an alarm says need not be said twice.
-  setText(find("reason"), conditions.length === 0 && overrides && (overrides.feed !== 1 || run.held) ? feedReason(run) : "");
+  const reason = overrides && (overrides.feed !== 1 || run.held) ? feedReason(run) : "";
+  const decided = overrides ? decidedAgo(run) : "";
+  setText(find("reason"), conditions.length === 0 ? [reason, decided].filter(Boolean).join(" · ") : "");
   setText(find("alarm"), conditions.length > 0 ? conditionText(conditions[0]) + further : "");
-  setText(find("age"), [otherRuns(machine), ageOf(machine, store)].filter(Boolean).join(" · "));
+  // On a wall there is no room for it beside an alarm.
+  setText(find("age"), [otherRuns(machine), conditions.length > 0 && !isWall ? decided : "", ageOf(machine, store)].filter(Boolean).join(" · "));
 };
 
 /** Shows the board in a place; what is returned ends it. */
@@ -119,7 +122,7 @@ export const board = (place, store, parameters) => {
     page %= pages;
     const visible = isWall ? turned[page] : wanted;
     setAttribute(cards, "data-grid", isWall ? GRIDS.find((count) => count >= (pages > 1 ? PER_PAGE : visible.length)) : null);
-    keep(cards, visible, (machine) => machine.machine, makeCard, updateCard(store));
+    keep(cards, visible, (machine) => machine.machine, makeCard, updateCard(store, isWall));
     setAttribute(nothing, "hidden", wanted.length > 0);
     setText(nothing, !store.isRead ? t("loading") : t(machines.length === 0 ? "noMachines" : "noneMatches"));
     setAttribute(turning, "hidden", pages === 1);

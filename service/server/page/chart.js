@@ -32,14 +32,14 @@ export const digitsOf = (marks, factor = 1) => {
 
 /**
  * A chart with a heading. `draw` is given `{ from, to, points, lower, upper, digits, unit, factor, isStep, now }`: times in
- * ms, points as `[time, value, isWeak]`.
+ * ms, points as `[time, value, isWeak]`, `now` where the axis goes on beyond it.
  */
 export const chart = () => {
   const heading = element("h3", { class: "chart-name" });
   const last = element("span", { class: "chart-last" });
   const svg = element("svg", { class: "chart", viewBox: `0 0 ${USUAL_WIDTH} ${HEIGHT}`, role: "img" });
   const root = element("figure", { class: "trend" }, element("figcaption", {}, heading, last), svg);
-  const draw = (name, { from, to, points, lower, upper, digits, unit, factor = 1, isStep = false }) => {
+  const draw = (name, { from, to, points, lower, upper, digits, unit, factor = 1, isStep = false, now }) => {
     const width = svg.clientWidth || USUAL_WIDTH;
     setAttribute(svg, "viewBox", `0 0 ${width} ${HEIGHT}`);
     setText(heading, unit ? `${name} (${unit})` : name);
@@ -71,15 +71,19 @@ export const chart = () => {
       else d += `L${x(time).toFixed(1)} ${y(value).toFixed(1)}`;
       before = value;
     }
-    if (isStep && before !== null) d += `H${x(to).toFixed(1)}`;
+    // What is to come is not known.
+    const end = now ?? to;
+    if (isStep && before !== null) d += `H${x(end).toFixed(1)}`;
     parts.push(element("path", { class: "chart-line", d }));
     // A point for each of very many values would hide them.
     for (const [time, value, isWeak] of isStep || known.length > MOST_POINTS ? [] : known) {
       parts.push(element("circle", { class: isWeak ? "chart-point weak" : "chart-point", cx: x(time), cy: y(value), r: 3 }));
     }
-    for (const time of [from, (from + to) / 2, to]) {
-      const anchor = time === from ? "start" : time === to ? "end" : "middle";
-      parts.push(element("text", { class: "chart-tick", x: x(time), y: HEIGHT - 6, "text-anchor": anchor }, clock(time)));
+    if (now !== undefined) parts.push(element("line", { class: "chart-now", x1: x(now), x2: x(now), y1: TOP, y2: HEIGHT - BOTTOM }));
+    for (const time of [from, (from + end) / 2, end]) {
+      const anchor = time === from ? "start" : time === end ? "end" : "middle";
+      const said = time === now ? `${t("now")} ${clock(time)}` : clock(time);
+      parts.push(element("text", { class: "chart-tick", x: x(time), y: HEIGHT - 6, "text-anchor": anchor }, said));
     }
     svg.replaceChildren(...parts);
     const said = known.length === 0

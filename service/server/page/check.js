@@ -6,7 +6,7 @@ import { editor } from "./editor.js";
 import { element, inEnglish, keep, setAttribute, setLines, setText } from "./dom.js";
 import { call } from "./grpc.js";
 import { Path } from "./path.js";
-import { read, readBytes } from "./api.js";
+import { read, readBytes, reasonOf } from "./api.js";
 import { findingsText } from "./jobs.js";
 import { isLathe, machineName, readMachines, readTools } from "./resources.js";
 import { createJob } from "./upload.js";
@@ -118,7 +118,7 @@ export const check = (place, store, parameters) => {
     for (const button of [previous, next]) setAttribute(button, "disabled", found === 0);
     setText(count, failure ? "" : draft.text.trim() === "" ? "" : state || (found === 0 ? t("noFindings") : t("foundCount", { count: number(found) })));
     const elsewhere = (report ?? interpreted)?.findings.filter((finding) => finding.file || !finding.line) ?? [];
-    const words = [failure, draft.notice, draft.text === "" ? t("checkEmpty") : ""].filter(Boolean).map((line) => [line]);
+    const words = [failure, draft.notice, draft.text === "" ? t("checkEmpty") : ""].filter(Boolean).map((line) => (typeof line === "function" ? line() : [line]));
     setLines(notice, [...words, ...elsewhere.map((finding) => [`${findingName(finding)}: `, inEnglish(finding.message)])]);
     setAttribute(notice, "hidden", notice.textContent === "");
     setText(keys, t("editorKeys"));
@@ -189,7 +189,7 @@ export const check = (place, store, parameters) => {
     } catch (error) {
       if (signal.aborted) return;
       running.abort();
-      [failure, state] = [t("checkFailed", { reason: error.message }), ""];
+      [failure, state] = [() => [t("checkFailed", { reason: "" }), reasonOf(error)], ""];
     }
     draw();
   };
@@ -243,7 +243,7 @@ export const check = (place, store, parameters) => {
       if (!chosenMachine()) draft.machine = machines[0]?.name ?? "";
     } catch (error) {
       if (stop.signal.aborted) return;
-      failure = t("failed", { reason: error.message });
+      failure = () => [t("failed", { reason: "" }), reasonOf(error)];
     }
     drawChoices();
     show();
@@ -268,7 +268,7 @@ export const check = (place, store, parameters) => {
       const job = await createJob(file, { machine: draft.machine, tools: [...draft.tools], limits: store.limits(), signal: stop.signal });
       store.go(`/${job.name}`);
     } catch (error) {
-      failure = t("checkFailed", { reason: error.message });
+      failure = () => [t("checkFailed", { reason: "" }), reasonOf(error)];
       draw();
     }
   });

@@ -1,9 +1,9 @@
 // Jobs: the queue, how far validation is, what it found.
 
-import { element, keep, setAttribute, setText } from "./dom.js";
-import { read } from "./api.js";
+import { element, keep, setAttribute, setLines, setText } from "./dom.js";
+import { read, reasonOf } from "./api.js";
 import { dropZone } from "./upload.js";
-import { bytes, clock, duration, number, percent, short, t } from "./text.js";
+import { bytes, clock, currentLanguage, duration, number, percent, short, t } from "./text.js";
 
 const STATES = {
   PENDING: "pending", VALIDATING: "validating", READY: "jobReady", REJECTED: "rejected", CANCELLED: "cancelled", FAILED: "jobFailed",
@@ -52,23 +52,26 @@ export const jobs = (place, store) => {
     zone.draw();
     for (const cell of head.children) setText(cell, t(cell.dataset.name));
     setAttribute(notice, "hidden", isRead && !failure && list.length > 0);
-    setText(notice, failure ? t("failed", { reason: failure }) : isRead ? t("none") : t("loading"));
+    setLines(notice, [failure ? [t("failed", { reason: "" }), reasonOf(failure)] : [isRead ? t("none") : t("loading")]]);
     setAttribute(table, "hidden", list.length === 0);
     keep(
       rows, list, (job) => job.name,
-      (job) => element("tr", {}, element("th", { scope: "row" }, element("a", { href: `/${job.name}` })), ...Array.from({ length: 5 }, () => element("td"))),
+      (job) => element("tr", {}, element("th", { scope: "row" }, element("a", { href: `/${job.name}` })), ...Array.from({ length: 5 }, () => element("td", {}, element("span")))),
       (row, job) => {
         const state = short(job.state, "JOB_STATE_");
         const [name, machine, word, progress, findings, created] = row.children;
         setText(name.firstChild, job.displayName || job.name.replace("jobs/", ""));
-        setText(machine, job.machine.replace("machines/", ""));
-        setText(word, jobState(job));
+        setText(machine.firstChild, job.machine.replace("machines/", ""));
+        setText(word.firstChild, jobState(job));
         setAttribute(word, "data-alarm", ALARMING.has(state));
+        // The reason is in English, the word above it is not.
         setAttribute(word, "title", job.stateMessage);
-        setText(progress, progressText(job));
-        setText(findings, findingsText(job.summary));
+        setAttribute(word, "lang", job.stateMessage ? "en" : null);
+        setAttribute(word.firstChild, "lang", job.stateMessage ? currentLanguage() : null);
+        setText(progress.firstChild, progressText(job));
+        setText(findings.firstChild, findingsText(job.summary));
         setAttribute(findings, "data-level", Number(job.summary?.errors) > 0 ? "fault" : Number(job.summary?.warnings) > 0 ? "warning" : null);
-        setText(created, `${clock(job.createTime)} · ${bytes(Number(job.programBytes))}`);
+        setText(created.firstChild, `${clock(job.createTime)} · ${bytes(Number(job.programBytes))}`);
       },
     );
     setText(more, t("more"));
@@ -87,7 +90,7 @@ export const jobs = (place, store) => {
       failure = null;
     } catch (error) {
       if (stop.signal.aborted) return;
-      failure = error.message;
+      failure = error;
     }
     draw();
   };

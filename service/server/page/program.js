@@ -6,7 +6,7 @@ import { drawing } from "./drawing.js";
 import { element, inEnglish, setAttribute, setLines, setText } from "./dom.js";
 import { call } from "./grpc.js";
 import { Path } from "./path.js";
-import { read, readBytes } from "./api.js";
+import { read, readBytes, reasonOf } from "./api.js";
 import { isLathe, readMachines } from "./resources.js";
 import { findingsText, jobState } from "./jobs.js";
 import { bytes, clock, duration, findingName, number, short, t } from "./text.js";
@@ -211,7 +211,7 @@ export const program = (place, store, name) => {
     setText(subtitle, parts.filter(Boolean).join(" · "));
     const elsewhere = (report?.findings ?? []).filter((finding) => finding.file || !finding.line);
     const said = failure
-      ? [t("failed", { reason: "" }), inEnglish(failure)]
+      ? [t("failed", { reason: "" }), reasonOf(failure)]
       : !job ? [t("loading")] : size > data.length ? [t("tooLong", { size: bytes(data.length) })] : job.stateMessage ? [inEnglish(job.stateMessage)] : [];
     const others = elsewhere.map((finding) => [`${findingName(finding)}${finding.file ? ` ${t("inFile", { file: finding.file })}` : ""}: `, inEnglish(finding.message)]);
     setLines(notice, [said, ...others].filter((line) => line.length > 0));
@@ -246,7 +246,7 @@ export const program = (place, store, name) => {
       failure = null;
     } catch (error) {
       if (stop.signal.aborted) return;
-      failure = error.message;
+      failure = error;
     }
     draw();
   };
@@ -268,7 +268,7 @@ export const program = (place, store, name) => {
       }
     } catch (error) {
       if (stop.signal.aborted) return;
-      failure = error.message;
+      failure = error;
     }
     draw();
   };
@@ -292,7 +292,9 @@ export const program = (place, store, name) => {
       drawingState = () => "";
     } catch (error) {
       if (stop.signal.aborted) return;
-      drawingState = () => (path.isCut ? "" : t("failed", { reason: error.message }));
+      drawingState = () => "";
+      if (!path.isCut) failure = error;
+      draw();
     }
     picture.show(path, ofLathe, drawingState());
   };

@@ -1,16 +1,18 @@
 // One run: what it does, its trends on one time axis, its decisions with what was seen.
 
 import { chart, timePlace } from "./chart.js";
-import { element, keep, setAttribute, setText } from "./dom.js";
-import { oldMs, read } from "./api.js";
+import { element, keep, setAttribute, setLines, setText } from "./dom.js";
+import { oldMs, read, reasonOf, serviceNow } from "./api.js";
 import { clock, code, duration, measured, number, percent, short, t } from "./text.js";
 import {
-  ageOf, conditionText, feedReason, isAvailable, levelOf, limitBar, nameOf, otherRuns, paintBar, paintIcon, propertyOf, stateIcon, stateOf,
+  ageOf, conditionText, decidedAgo, feedReason, isAvailable, levelOf, limitBar, nameOf, otherRuns, paintBar, paintIcon, propertyOf, stateIcon, stateOf,
 } from "./state.js";
 
 /** Decisions that are kept and drawn. */
 const MOST_DECISIONS = 2000;
 const MOST_POINTS = 1500;
+/** What the axis has beyond now, as a share of what was. */
+const AHEAD = 0.04;
 
 const facts = () => element("dl", { class: "facts" });
 
@@ -101,7 +103,7 @@ export const run = (place, store, name) => {
     setText(subtitle.lastChild, record.job ? t("program") : "");
     setAttribute(subtitle.lastChild, "href", record.job ? `/${record.job}` : null);
     const overrides = available ? now?.overrides : undefined;
-    setText(reason, overrides ? feedReason(now) : "");
+    setText(reason, overrides ? [feedReason(now), decidedAgo(now)].filter(Boolean).join(" · ") : "");
     const shown = available ? now?.process : undefined;
     setAttribute(process, "hidden", shown?.value === undefined);
     if (shown?.value !== undefined) {
@@ -143,15 +145,17 @@ export const run = (place, store, name) => {
     setText(alarmTitle, own.length > 0 ? t("condition") : t(isTold ? "noConditions" : "notShown"));
   };
 
+  /** Where the axis begins and ends, and where on it now is, while the run is open. */
   const times = () => {
     const begin = Date.parse(record.createTime);
-    const ended = record.state !== "RUN_STATE_OPEN";
-    const end = ended ? Date.parse(record.updateTime) : Date.now();
-    return [begin, Math.max(end, begin + 1000, ...decisions.slice(-1).map((one) => Date.parse(one.time)))];
+    const isOpen = record.state === "RUN_STATE_OPEN";
+    const end = isOpen ? serviceNow() : Date.parse(record.updateTime);
+    const newest = Math.max(end, begin + 1000, ...decisions.slice(-1).map((one) => Date.parse(one.time)));
+    return isOpen ? [begin, newest + AHEAD * (newest - begin), newest] : [begin, newest, undefined];
   };
 
   const drawTrends = () => {
-    const [from, to] = times();
+    const [from, to, now] = times();
     const at = decisions.map((one) => [Date.parse(one.time), one]);
     const first = at.length > 0 ? [[from, at[0][1].inputs?.before]] : [];
     const steps = [...first, ...at.map(([time, one]) => [time, one.outcome?.after])];
@@ -163,26 +167,28 @@ export const run = (place, store, name) => {
       ? t("allDecided")
       : decided.length === 0 ? t("override") : t("overrideDecided", { time: clock(begin) });
     trends[0].draw(overrideName, {
-      from, to, isStep: true, digits: 0, unit: "%", factor: 100, lower: bounds?.lower, upper: bounds?.upper,
+      from, to, now, isStep: true, digits: 0, unit: "%", factor: 100, lower: bounds?.lower, upper: bounds?.upper,
       points: [...decided, ...inForce],
     });
     const seen = at.map(([time, one]) => [time, evidenceOf(one)]).filter(([, evidence]) => evidence);
     const rule = seen.at(-1)?.[1] ?? { lower: record.monitoring?.rules?.feed?.lower, upper: record.monitoring?.rules?.feed?.upper, property: record.monitoring?.rules?.property };
     const shownUnit = rule.property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY" ? "Hz" : deviationUnit();
     trends[1].draw(propertyOf(rule), {
-      from, to, digits: shownUnit === "mm" ? 4 : 1, unit: shownUnit, lower: rule.lower, upper: rule.upper,
+      from, to, now, digits: shownUnit === "mm" ? 4 : 1, unit: shownUnit, lower: rule.lower, upper: rule.upper,
       points: seen.map(([time, evidence]) => [time, evidence.value]),
     });
     trends[2].draw(t("spindleSpeed"), {
-      from, to, isStep: true, digits: 0, unit: "/min",
+      from, to, now, isStep: true, digits: 0, unit: "/min",
       points: at.map(([time, one]) => [time, one.inputs?.currentRevPerMin ?? (one.inputs?.programmedRevPerMin ?? NaN) * (one.outcome?.after?.spindle ?? NaN)]),
     });
-    trends[3].draw(t("pathFeed"), { from, to, digits: 0, unit: "mm/min", points: feeds });
+    trends[3].draw(t("pathFeed"), { from, to, now, digits: 0, unit: "mm/min", points: feeds });
     setText(trendTitle, t("trends"));
   };
 
   const drawDecisions = () => {
-    const [from, to] = times();
+    const [from, to, now] = times();
+    setAttribute(timeline, "data-open", now !== undefined);
+    if (now !== undefined) timeline.style.setProperty("--now", timePlace(now, from, to));
     setText(decisionTitle, decisions.length > 0 ? t("decisions") : t("noDecisions"));
     setAttribute(timeline, "aria-label", t("decisions"));
     setAttribute(timeline, "hidden", decisions.length === 0);
@@ -246,7 +252,7 @@ export const run = (place, store, name) => {
 
   const draw = () => {
     setAttribute(notice, "hidden", record !== null && !failure);
-    setText(notice, failure ? t("failed", { reason: failure }) : t("loading"));
+    setLines(notice, [failure ? [t("failed", { reason: "" }), reasonOf(failure)] : [t("loading")]]);
     setAttribute(body, "hidden", record === null);
     if (!record) return;
     drawHead();
@@ -315,7 +321,7 @@ export const run = (place, store, name) => {
       failure = null;
     } catch (error) {
       if (stop.signal.aborted) return;
-      failure = error.message;
+      failure = error;
     }
     changed();
     draw();

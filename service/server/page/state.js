@@ -1,5 +1,6 @@
 // What a machine does, in words, colours and shapes. Normal is quiet: only exceptions have a colour.
 
+import { oldMs } from "./api.js";
 import { code, duration, measured, short, t } from "./text.js";
 import { element, setAttribute, setText } from "./dom.js";
 
@@ -90,13 +91,14 @@ export const feedReason = (run) => {
   // A hold is stronger than what was decided.
   if (run.held) return t("heldByOperator");
   if (run.feedHeld) return code("FEED_HELD");
-  const outcome = run.lastDecision?.outcome;
+  // One that keeps the feed does not say why it is as it is: the one that changed it does.
+  const keeps = short(run.lastDecision?.outcome?.reason, "DECISION_REASON_") === "WITHIN_LIMITS" && run.overrides?.feed !== 1;
+  const decision = keeps ? run.feedDecision : run.lastDecision;
+  const outcome = decision?.outcome;
   if (!outcome) return "";
   const reason = short(outcome.reason, "DECISION_REASON_");
-  // The feed that was decided before is kept; what for, this decision does not say.
-  if (reason === "WITHIN_LIMITS" && run.overrides?.feed !== 1) return "";
   const process = run.process;
-  if (process?.value !== undefined && (reason === "FEED_ABOVE_LIMIT" || reason === "FEED_BELOW_LIMIT")) {
+  if (!keeps && process?.value !== undefined && (reason === "FEED_ABOVE_LIMIT" || reason === "FEED_BELOW_LIMIT")) {
     const above = reason === "FEED_ABOVE_LIMIT";
     const limit = above ? process.upper : process.lower;
     const numbers = [process.value, limit].map((value) => measured(value, process.unit));
@@ -104,6 +106,10 @@ export const feedReason = (run) => {
   }
   return reason === "DATA" ? code(short(outcome.holdReason, "HOLD_REASON_")) : code(reason);
 };
+
+/** How long ago the last decision was made, in words; empty where there is none. */
+export const decidedAgo = (run) =>
+  run.lastDecision?.time ? t("decidedAgo", { age: duration(oldMs(run.lastDecision.time) / 1000) }) : "";
 
 /** A bar of a value between its limits: the band from the lower to the upper limit is the middle half. */
 export const limitBar = () => {

@@ -1,7 +1,8 @@
 // Programs become jobs: dropped or chosen, for one machine, by who may.
 
 import { call } from "./grpc.js";
-import { element, keep, setAttribute, setText } from "./dom.js";
+import { reasonOf } from "./api.js";
+import { element, keep, setAttribute, setLines, setText } from "./dom.js";
 import { machineName, readMachines } from "./resources.js";
 import { bytes, t } from "./text.js";
 
@@ -41,6 +42,7 @@ export const createJob = async (file, { machine, tools = [], limits, signal }) =
 export const dropZone = (store) => {
   let files = [];
   let machines = [];
+  let failure = null;
   const stop = new AbortController();
   const words = element("p", { class: "drop-words" });
   const choose = element("input", { type: "file", multiple: true, id: "programs", class: "unseen" });
@@ -54,7 +56,7 @@ export const dropZone = (store) => {
 
   const draw = () => {
     setAttribute(root, "hidden", !store.mayPlan());
-    setText(words, t("dropHere"));
+    setLines(words, [failure ? [t("failed", { reason: "" }), reasonOf(failure)] : [t("dropHere")]]);
     setText(label, t("choose"));
     setText(machineLabel, t("machine"));
     const waiting = files.filter((one) => one.state === "");
@@ -66,10 +68,11 @@ export const dropZone = (store) => {
       (one) => element("li", {}, element("span"), element("a"), element("button", { type: "button", class: "link", onclick: () => drop(one) })),
       (node, one) => {
         const [text, link, away] = node.children;
-        setText(text, [one.file.name, bytes(one.file.size), one.state].filter(Boolean).join(" · "));
+        const known = [one.file.name, bytes(one.file.size), one.error ? "" : one.state].filter(Boolean).join(" · ");
+        setLines(text, [one.error ? [`${known} · `, reasonOf(one.error)] : [known]]);
         setText(link, one.job ? t("job") : "");
         setAttribute(link, "href", one.job ? `/${one.job}` : null);
-        setAttribute(node, "data-failed", one.isFailed);
+        setAttribute(node, "data-failed", one.error !== undefined);
         setText(away, t("dismiss"));
       },
     );
@@ -85,9 +88,11 @@ export const dropZone = (store) => {
     if (machines.length > 0) return;
     try {
       machines = await readMachines(stop.signal);
+      failure = null;
       machine.replaceChildren(...machines.map((one) => element("option", { value: one.name }, machineName(one))));
     } catch (error) {
-      if (!stop.signal.aborted) setText(words, t("failed", { reason: error.message }));
+      if (stop.signal.aborted) return;
+      failure = error;
     }
     draw();
   };
@@ -101,8 +106,8 @@ export const dropZone = (store) => {
         one.state = t("created");
       } catch (error) {
         if (stop.signal.aborted) return;
-        one.state = error.message;
-        one.isFailed = true;
+        one.state = "failed";
+        one.error = error;
       }
       draw();
     }

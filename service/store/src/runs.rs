@@ -418,6 +418,12 @@ pub trait Runs {
     /// `Unavailable`.
     async fn last_decision(&self, id: Uuid) -> Result<Option<DecisionRecord>>;
 
+    /// The newest decisions of a run with this action, at most so many, the newest first.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn last_decisions_of(&self, id: Uuid, action: &str, most: u32) -> Result<Vec<DecisionRecord>>;
+
     /// Changes of the feed override of a run, in order.
     ///
     /// # Errors

@@ -27,6 +27,8 @@ pub(crate) struct RunBase<'a> {
     pub(crate) run: &'a Run,
     /// The decision it made last.
     pub(crate) last_decision: Option<&'a DecisionRecord>,
+    /// Its newest decisions that changed something, the newest first.
+    pub(crate) changes: &'a [DecisionRecord],
     /// Its conditions.
     pub(crate) conditions: &'a [RunCondition],
     /// Unit of the deviation.
@@ -81,7 +83,19 @@ fn brief(decision: &Decision) -> DecisionBrief {
     }
 }
 
+/// Whether a decision changed the override of the feed.
+fn changes_feed(brief: &DecisionBrief) -> bool {
+    let after = brief.outcome.and_then(|outcome| outcome.after);
+    brief.before.map(|before| before.feed) != after.map(|after| after.feed)
+}
+
 impl RunBase<'_> {
+    /// Why the override of the feed is as it is. A decision that cannot be read is passed over.
+    fn feed_decision(&self) -> Option<DecisionBrief> {
+        let changes = self.changes.iter().filter_map(|change| decision_from_record(change).ok());
+        changes.map(|change| brief(&change)).find(changes_feed)
+    }
+
     /// What is known of the run without its stream.
     pub(super) fn at_rest(&self) -> Result<(RunView, Alarms)> {
         let Self { job, run, .. } = self;
@@ -109,6 +123,7 @@ impl RunBase<'_> {
             // An escalation is in the log; what an operator wants is known while his client is there.
             feed_held: run.state == RunState::Open && last.as_ref().is_some_and(holds_feed),
             last_decision: last.as_ref().map(brief),
+            feed_decision: self.feed_decision(),
             finding_warnings: summary.warnings,
             update_time: Some(timestamp(run.updated_us)),
             ..RunActivity::default()
@@ -296,7 +311,11 @@ impl Presence {
                 | DecisionReason::ReplaceTool => activity.process = None,
                 _ => activity.process = reading.or(activity.process.take()),
             }
-            activity.last_decision = Some(brief(decision));
+            let brief = brief(decision);
+            if changes_feed(&brief) {
+                activity.feed_decision = Some(brief);
+            }
+            activity.last_decision = Some(brief);
             if outcome.reason() == DecisionReason::AboveLimitAtBound {
                 self.raise(decision, outcome.action());
             }

@@ -2,9 +2,10 @@
 
 use std::collections::HashMap;
 
+use feedwave_contract::convert::action_name;
 use feedwave_contract::proto::{Machine, RunActivity};
-use feedwave_monitoring::MonitoringConfig;
-use feedwave_store::{PageRequest, Run, Store, Tenant};
+use feedwave_monitoring::{Action, MonitoringConfig};
+use feedwave_store::{DecisionRecord, PageRequest, Run, Store, Tenant};
 use uuid::Uuid;
 
 use super::presence::RunBase;
@@ -97,9 +98,21 @@ async fn newest_view(store: &Store, run: Uuid) -> Result<RunView> {
 pub(super) async fn view_of(store: &Store, run: &Run) -> Result<RunView> {
     let job = store.job(run.job_id).await?;
     let last_decision = store.last_decision(run.id).await?;
-    let deviation_unit = deviation_unit(run)?;
-    let base = RunBase { job: &job, run, last_decision: last_decision.as_ref(), conditions: &[], deviation_unit };
+    let changes = changes(store, run.id).await?;
+    let base = RunBase {
+        job: &job,
+        run,
+        last_decision: last_decision.as_ref(),
+        changes: &changes,
+        conditions: &[],
+        deviation_unit: deviation_unit(run)?,
+    };
     Ok(base.at_rest()?.0)
+}
+
+/// Decisions of a run that changed something, as many as are looked at for why its feed is as it is.
+async fn changes(store: &Store, run: Uuid) -> Result<Vec<DecisionRecord>> {
+    Ok(store.last_decisions_of(run, action_name(Action::Change), 32).await?)
 }
 
 /// Unit of the deviation in a run.
@@ -121,11 +134,13 @@ impl Floor {
         run: &Run,
     ) -> Result<super::Presence> {
         let last_decision = store.last_decision(run.id).await?;
+        let changes = changes(store, run.id).await?;
         let conditions = open_of(store, run.id).await?;
         let base = RunBase {
             job,
             run,
             last_decision: last_decision.as_ref(),
+            changes: &changes,
             conditions: &conditions,
             deviation_unit: deviation_unit(run)?,
         };

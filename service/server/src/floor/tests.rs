@@ -56,7 +56,8 @@ fn run(id: u128, sequence: i64, state: RunState) -> Run {
 
 fn presence(floor: &Floor, id: u128, sequence: i64) -> Presence {
     let (job, run) = (job(1), run(id, sequence, RunState::Open));
-    let base = RunBase { job: &job, run: &run, last_decision: None, conditions: &[], deviation_unit: "mm" };
+    let base =
+        RunBase { job: &job, run: &run, last_decision: None, changes: &[], conditions: &[], deviation_unit: "mm" };
     floor.presence(&base).unwrap()
 }
 
@@ -173,7 +174,14 @@ fn a_stop_of_telemetry_stays_after_a_restart_and_without_its_client() {
     let (job, mut run) = (job(1), run(10, 1, RunState::Open));
     run.kind = RunKind::Telemetry;
     let stop = stop_of(&run);
-    let base = RunBase { job: &job, run: &run, last_decision: Some(&stop), conditions: &[], deviation_unit: "mm" };
+    let base = RunBase {
+        job: &job,
+        run: &run,
+        last_decision: Some(&stop),
+        changes: &[],
+        conditions: &[],
+        deviation_unit: "mm",
+    };
     let (view, _) = base.at_rest().unwrap();
     assert_eq!(view.activity.execution(), Execution::Stopped);
     assert!(matches!(&view.alarms[..], [alarm] if alarm.severity() == ConditionSeverity::Fault), "{:?}", view.alarms);
@@ -196,7 +204,7 @@ fn how_far_a_run_came_is_known_at_rest() {
     let settings = feedwave_contract::proto::RunSettings { interpolation_period_us: 1_000, ..Default::default() };
     run.settings = crate::stored::to_stored(&settings).unwrap();
     let progress = |run: &Run| {
-        let base = RunBase { job: &job, run, last_decision: None, conditions: &[], deviation_unit: "mm" };
+        let base = RunBase { job: &job, run, last_decision: None, changes: &[], conditions: &[], deviation_unit: "mm" };
         let progress = base.at_rest().unwrap().0.activity.progress.unwrap();
         (progress.taken, progress.ratio, progress.machining_s, progress.remaining_s)
     };

@@ -287,6 +287,12 @@ impl Runs for PostgresStore {
         row.as_ref().map(decision).transpose()
     }
 
+    async fn last_decisions_of(&self, id: Uuid, action: &str, most: u32) -> Result<Vec<DecisionRecord>> {
+        let sql = "SELECT * FROM decisions WHERE run_id = $1 AND action = $2 ORDER BY number DESC LIMIT $3";
+        let query = sqlx::query(sql).bind(id.to_string()).bind(action).bind(i64::from(most));
+        query.fetch_all(&mut self.reader().await?).await?.iter().map(decision).collect()
+    }
+
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
         find_overrides(&mut self.reader().await?, id).await
     }
