@@ -39,10 +39,11 @@ impl RetentionSteps for PostgresStore {
     }
 
     /// But for the logs that have bounds of their own and the few behind the last chunk of an unfinished upload: the
-    /// server's files shrink later, if at all.
+    /// server's files shrink later, if at all. Objects count as long as a program refers to them.
     async fn bytes_in_use(&self) -> Result<u64> {
         let bytes: i64 = sqlx::query_scalar(
             "SELECT ((SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0) FROM program_chunks)
+                + (SELECT COALESCE(SUM(size_bytes), 0) FROM objects WHERE content_id IS NOT NULL)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(settings) + OCTET_LENGTH(machine_snapshot)), 0) FROM jobs)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(report)), 0) FROM validation_reports)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM job_checkpoints)
@@ -57,11 +58,13 @@ impl RetentionSteps for PostgresStore {
     }
 
     async fn bytes_set_aside(&self, since_us: i64) -> Result<u64> {
-        let sql = "SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0)::BIGINT FROM program_chunks WHERE content_id IN (
-            SELECT p.content_id FROM programs AS p WHERE p.created_us >= $1
-                AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
-                AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id)
-            UNION ALL SELECT content_id FROM uploads)";
+        let sql = "WITH new (content_id) AS (
+                SELECT p.content_id FROM programs AS p WHERE p.created_us >= $1
+                    AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
+                    AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id)
+                UNION ALL SELECT content_id FROM uploads)
+            SELECT ((SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0) FROM program_chunks WHERE content_id IN (SELECT content_id FROM new))
+                + (SELECT COALESCE(SUM(size_bytes), 0) FROM objects WHERE content_id IN (SELECT content_id FROM new)))::BIGINT";
         let bytes: i64 = sqlx::query_scalar(sql).bind(since_us).fetch_one(&mut self.reader().await?).await?;
         Ok(bytes.unsigned_abs())
     }

@@ -14,12 +14,14 @@ const PAGES: u32 = 1_000;
 impl SqliteStore {
     /// Bytes of programs whose jobs may be yet to come, and of unfinished ones.
     async fn bytes_of_new_programs(&self, since_us: i64) -> Result<u64> {
-        let sql = "SELECT (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM upload_tails)
-            + (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM program_chunks WHERE content_id IN (
+        let sql = "WITH new (content_id) AS (
                 SELECT p.content_id FROM programs AS p WHERE p.created_us >= ?
                     AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id)
                     AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id)
-                UNION ALL SELECT content_id FROM uploads))";
+                UNION ALL SELECT content_id FROM uploads)
+            SELECT (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM upload_tails)
+            + (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM program_chunks WHERE content_id IN new)
+            + (SELECT COALESCE(SUM(size_bytes), 0) FROM objects WHERE content_id IN new)";
         let bytes: i64 = sqlx::query_scalar(sql).bind(since_us).fetch_one(&mut *self.reader().await?).await?;
         Ok(bytes.unsigned_abs())
     }
@@ -65,16 +67,18 @@ impl RetentionSteps for SqliteStore {
         self.remove_audit_before(cutoff_us, most).await
     }
 
-    /// Free space is not counted.
+    /// Free space is not counted; objects are, as long as a program refers to them.
     async fn bytes_in_use(&self) -> Result<u64> {
         let row = sqlx::query(
-            "SELECT (SELECT page_count FROM pragma_page_count) - (SELECT freelist_count FROM pragma_freelist_count) AS pages,
+            "SELECT (SELECT COALESCE(SUM(size_bytes), 0) FROM objects WHERE content_id IS NOT NULL) AS objects,
+                (SELECT page_count FROM pragma_page_count) - (SELECT freelist_count FROM pragma_freelist_count) AS pages,
                 (SELECT page_size FROM pragma_page_size) AS bytes",
         )
         .fetch_one(&mut *self.reader().await?)
         .await?;
-        let (pages, bytes): (i64, i64) = (row.try_get("pages")?, row.try_get("bytes")?);
-        Ok(pages.unsigned_abs() * bytes.unsigned_abs())
+        let [pages, bytes, objects] =
+            [row.try_get::<i64, _>("pages")?, row.try_get("bytes")?, row.try_get("objects")?].map(i64::unsigned_abs);
+        Ok(pages * bytes + objects)
     }
 
     async fn bytes_set_aside(&self, since_us: i64) -> Result<u64> {

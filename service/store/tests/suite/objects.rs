@@ -12,13 +12,14 @@ use super::{Place, new_job, read_back, source};
 
 const CHUNK: usize = CHUNK_BYTES as usize;
 
-fn settings(folder: &Path) -> StoreSettings {
+/// Programs of more than a chunk are objects in a folder.
+pub(crate) fn settings(folder: &Path) -> StoreSettings {
     let uri = format!("file://{}", folder.display()).parse().expect("the URI of a folder");
     StoreSettings { objects: Some(ObjectSettings { uri, above_bytes: CHUNK_BYTES }), ..StoreSettings::default() }
 }
 
 /// The files in a folder with their contents, but for parts of what is being written.
-fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let files = std::fs::read_dir(folder).expect("the folder is there").map(|file| {
         let file = file.expect("a file");
         (file.file_name().into_string().expect("text"), std::fs::read(file.path()).expect("can be read"))
@@ -91,7 +92,13 @@ async fn equal_programs_of_two_tenants_are_two_objects() {
     let upload = begin(&store, &source, other).await;
     let second = store.finish_upload(upload).await.unwrap().id;
     assert_eq!(files(folder.path()).len(), 2);
+    // Neither reads nor deletes the other's, nor learns that there is one.
+    let third: Tenant = "plant-c".parse().unwrap();
+    let none = ProgramId::of(&source).of_tenant(third);
+    assert!(matches!(store.program_chunk(none, 0).await, Err(StoreError::NotFound { .. })));
+    assert!(matches!(store.delete_program(none).await, Err(StoreError::NotFound { .. })));
     store.delete_program(first).await.unwrap();
+    assert!(matches!(store.program_chunk(first, 0).await, Err(StoreError::NotFound { .. })));
     assert_eq!(read_back(&store, second).await, source);
     // Once more is the same program, and no further object.
     store.put_program(other, source.clone().into()).await.unwrap();

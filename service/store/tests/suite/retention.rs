@@ -5,6 +5,8 @@ use feedwave_store::{
     CHUNK_BYTES, JobState, NewJob, ProgramId, Removed, RetentionPolicy, Store, StoreError, Tenant, UploadStart,
 };
 
+use tempfile::TempDir;
+
 use super::{Place, new_job, open};
 
 /// Bytes that do not compress.
@@ -25,17 +27,33 @@ async fn ready(store: &Store, job: NewJob) -> uuid::Uuid {
 #[tokio::test]
 async fn beyond_the_size_only_the_oldest_jobs_go_with_programs_that_no_other_uses() {
     let place = Place::new();
-    let store = open(&place).await;
+    beyond_the_size(&open(&place).await).await;
+}
+
+#[tokio::test]
+async fn objects_count_for_the_size_and_go_with_their_programs() {
+    let (place, folder) = (Place::new(), TempDir::new().unwrap());
+    let store = place.open(super::objects::settings(folder.path())).await;
+    let gone = beyond_the_size(&store).await;
+    // Eight programs and the one whose job may be yet to come.
+    assert_eq!(super::objects::files(folder.path()).len() as u64, 9 - gone);
+    // Of the jobs there are no reports.
+    let report = feedwave_store::check(store.uri()).await.unwrap();
+    assert!(report.problems.iter().all(|problem| problem.kind == "job"), "{report:?}");
+}
+
+/// How many went.
+async fn beyond_the_size(store: &Store) -> u64 {
     let mut programs = Vec::new();
     for index in 0..8 {
-        programs.push(store.put_program(Tenant::DEFAULT, noise(index + 1, CHUNK_BYTES)).await.unwrap().id);
+        programs.push(store.put_program(Tenant::DEFAULT, noise(index + 1, CHUNK_BYTES + 1)).await.unwrap().id);
     }
     let mut jobs = Vec::new();
     for (index, program) in programs.iter().enumerate() {
         let mut job = new_job(&index.to_string(), *program);
         // The second one takes along what the last one is about.
         job.further_program_ids = if index == 1 { vec![programs[7]] } else { Vec::new() };
-        jobs.push(ready(&store, job).await);
+        jobs.push(ready(store, job).await);
     }
     // The first one waits still, and is nobody's to remove.
     store.transition(jobs[0], &JobState::ALL, JobState::PendingValidation, "", None).await.unwrap();
@@ -63,4 +81,5 @@ async fn beyond_the_size_only_the_oldest_jobs_go_with_programs_that_no_other_use
     store.program_info(waiting).await.unwrap();
     assert_eq!(store.upload(upload.id).await.unwrap().received_bytes, unfinished.len() as u64);
     assert_eq!(store.remove_expired(&policy).await.unwrap(), Removed::default(), "what is enough once is enough again");
+    removed.programs
 }
