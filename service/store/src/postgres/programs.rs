@@ -16,6 +16,7 @@ use crate::programs::{
 };
 use crate::sql::compress::offload;
 use crate::sql::objects::{ObjectSteps as _, Packed};
+use crate::sql::pages::page_of;
 use crate::sql::programs::{Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_source, program_entry, program_info};
 use crate::sql::record::signed;
 use crate::sql::uploads::UploadSteps as _;
@@ -290,9 +291,10 @@ impl Programs for PostgresStore {
             sql.push(" AND p.sequence < ").push_bind(before);
         }
         sql.push(" ORDER BY p.sequence DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
-        let programs = rows.iter().map(program_entry).collect::<Result<Vec<_>>>()?;
-        Ok(Page::cut(programs, size, |last| scope.sequence_token(last.sequence)))
+        let mut reader = self.reader().await?;
+        let rows = sql.build().fetch(&mut reader);
+        let token = |last: &ProgramEntry| scope.sequence_token(last.sequence);
+        page_of(rows, size, program_entry, |program| program.file_name.len(), token).await
     }
 
     async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {
