@@ -7,8 +7,8 @@ mod uri;
 use std::collections::HashMap;
 use std::fmt;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;
@@ -35,6 +35,10 @@ const WRITES: usize = 2;
 const REQUEST_AT_MOST: Duration = Duration::from_secs(30);
 const CONNECT_AT_MOST: Duration = Duration::from_secs(5);
 const RETRY_AT_MOST: Duration = Duration::from_secs(10);
+/// How long reading a range or removing an object may take with all that is tried: who waits for it holds a turn of others.
+const SMALL_AT_MOST: Duration = Duration::from_secs(10);
+/// After an object could not be removed or written none is removed for so long, but left to be removed later.
+const REMOVE_AGAIN_AFTER: Duration = Duration::from_secs(60);
 
 /// Which programs are kept as objects, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -141,12 +145,15 @@ pub(crate) struct Objects {
     settings: Option<ObjectSettings>,
     opened: Arc<Mutex<HashMap<String, Opened>>>,
     writes: Arc<Semaphore>,
+    /// When one could not be removed or written.
+    kept: Arc<Mutex<Option<Instant>>>,
 }
 
 impl Objects {
     /// Those that the database knows of; nothing new becomes one.
     pub(crate) fn known() -> Self {
-        Self { settings: None, opened: Arc::default(), writes: Arc::new(Semaphore::new(WRITES)) }
+        let writes = Arc::new(Semaphore::new(WRITES));
+        Self { settings: None, opened: Arc::default(), writes, kept: Arc::default() }
     }
 
     /// Those of a store that is served.
@@ -196,7 +203,9 @@ impl Objects {
 
     /// Begins to write an object.
     pub(crate) async fn writer(&self, name: ObjectName) -> Result<Writer<'_>> {
-        let turn = self.writes.acquire().await.map_err(|_| StoreError::unavailable("it is closed"))?;
+        let turn = tokio::time::timeout(REQUEST_AT_MOST, self.writes.acquire()).await;
+        let turn = turn.map_err(|_| StoreError::unavailable("other large programs are still being written"))?;
+        let turn = turn.map_err(|_| StoreError::unavailable("it is closed"))?;
         let Opened { store, prefix, folder } = self.opened(&name.place)?;
         // It would be made anew, where something else was before.
         if folder.is_some_and(|folder| !folder.is_dir()) {
@@ -219,10 +228,13 @@ impl Objects {
         let path = opened.path(&name.key);
         let begin = piece.object_offset.unsigned_abs();
         let end = begin + piece.object_bytes.unsigned_abs();
-        let packed = match opened.store.get_range(&path, begin..end).await {
-            Ok(packed) => packed,
-            Err(error) => return Err(self.lost(&opened, name, end, &error).await),
-        };
+        let packed = within(async {
+            match opened.store.get_range(&path, begin..end).await {
+                Ok(packed) => Ok(packed),
+                Err(error) => Err(lost(&opened, name, end, &error).await),
+            }
+        })
+        .await?;
         let (sha256, length) = (piece.sha256, end - begin);
         if (packed.len() as u64) < length {
             return Err(other(name, "is shorter than it was written"));
@@ -230,17 +242,6 @@ impl Objects {
         let (packed, actual) =
             offload(packed.len(), move || Ok((packed.clone(), <[u8; 32]>::from(Sha256::digest(&packed))))).await?;
         if actual == sha256 { Ok(packed) } else { Err(other(name, "has other bytes than were written")) }
-    }
-
-    /// What it means that a range could not be read: it may be that there is none.
-    async fn lost(&self, opened: &Opened, name: &ObjectName, end: u64, error: &object_store::Error) -> StoreError {
-        if let object_store::Error::NotFound { .. } = error {
-            return StoreError::unavailable_by(MISSING, Fault::of(error));
-        }
-        match opened.store.head(&opened.path(&name.key)).await {
-            Ok(there) if there.size < end => other(name, "is shorter than it was written"),
-            _ => fault(error),
-        }
     }
 
     /// Removes an object, if it is there.
@@ -258,10 +259,46 @@ impl Objects {
                 _ => {}
             }
         }
-        match opened.store.delete(&opened.path(&name.key)).await {
-            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(fault(&error)),
-        }
+        let removed = within(async {
+            match opened.store.delete(&opened.path(&name.key)).await {
+                Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+                Err(error) => Err(fault(&error)),
+            }
+        })
+        .await;
+        *self.kept() = removed.is_err().then(Instant::now);
+        removed
+    }
+
+    /// It did not do what it was asked: removing anything is tried again later.
+    pub(crate) fn has_failed(&self) {
+        *self.kept() = Some(Instant::now());
+    }
+
+    /// Whether trying to remove an object is likely to take time for nothing.
+    pub(crate) fn removes_nothing(&self) -> bool {
+        self.kept().is_some_and(|kept| kept.elapsed() < REMOVE_AGAIN_AFTER)
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Option<Instant>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+async fn within<T>(asked: impl Future<Output = Result<T>>) -> Result<T> {
+    let answer = tokio::time::timeout(SMALL_AT_MOST, asked).await;
+    answer
+        .unwrap_or_else(|_| Err(StoreError::unavailable("the object store of large programs does not answer in time")))
+}
+
+/// What it means that a range could not be read: it may be that there is none.
+async fn lost(opened: &Opened, name: &ObjectName, end: u64, error: &object_store::Error) -> StoreError {
+    if let object_store::Error::NotFound { .. } = error {
+        return StoreError::unavailable_by(MISSING, Fault::of(error));
+    }
+    match opened.store.head(&opened.path(&name.key)).await {
+        Ok(there) if there.size < end => other(name, "is shorter than it was written"),
+        _ => fault(error),
     }
 }
 

@@ -140,15 +140,19 @@ fn served(fake: &Shared, method: &Method, uri: &Uri, headers: &HeaderMap, body: 
     }
 }
 
-/// It, and the store that uses it.
+/// It, and the store that uses it, which waits for an answer for so long.
 async fn opened(folder: &TempDir) -> (Shared, Store) {
+    opened_within(folder, "60s").await
+}
+
+async fn opened_within(folder: &TempDir, timeout: &str) -> (Shared, Store) {
     let fake = Shared::default();
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let service = Router::new().fallback(answer).with_state(fake.clone());
     tokio::spawn(async move { axum::serve(listener, service).await });
     let uri = format!(
-        "s3://bucket/pre/fix?endpoint=http://{address}&allow_http=true&region=plant&skip_signature=true&timeout=2s"
+        "s3://bucket/pre/fix?endpoint=http://{address}&allow_http=true&region=plant&skip_signature=true&timeout={timeout}"
     );
     let objects = ObjectSettings { uri: uri.parse().unwrap(), above_bytes: CHUNK_BYTES };
     let place = StoreUri::of_file(&folder.path().join("feedwave.db")).unwrap();
@@ -198,31 +202,55 @@ async fn a_large_program_is_written_in_parts_and_read_by_ranges() {
     assert!(fake.lock().unwrap().objects.is_empty());
 }
 
+async fn refuses_to_write(mood: Mood) {
+    let folder = TempDir::new().unwrap();
+    let (fake, store) = opened_within(&folder, "1s").await;
+    let source = noise(2 * CHUNK);
+    let id = ProgramId::of(&source);
+    set(&fake, mood);
+    let refused = store.put_program(Tenant::DEFAULT, source.clone().into()).await;
+    assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{mood:?}: {refused:?}");
+    assert!(matches!(store.program_info(id).await, Err(StoreError::NotFound { .. })));
+    store.ping().await.unwrap();
+}
+
+async fn refuses_to_read(mood: Mood) {
+    let folder = TempDir::new().unwrap();
+    let (fake, store) = opened_within(&folder, if mood == Mood::Silent { "1s" } else { "60s" }).await;
+    let source = noise(2 * CHUNK);
+    let id = store.put_program(Tenant::DEFAULT, source.clone().into()).await.unwrap().id;
+    set(&fake, mood);
+    let refused = store.program_chunk(id, 1).await;
+    assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{mood:?}: {refused:?}");
+}
+
 #[tokio::test]
-async fn one_that_fails_is_unavailable_and_loses_nothing() {
+async fn one_that_refuses_or_says_nothing_is_unavailable() {
+    tokio::join!(
+        refuses_to_write(Mood::Refuses(503)),
+        refuses_to_write(Mood::Refuses(403)),
+        refuses_to_write(Mood::Refuses(404)),
+        refuses_to_write(Mood::Silent),
+        refuses_to_read(Mood::Refuses(503)),
+        refuses_to_read(Mood::Refuses(403)),
+        refuses_to_read(Mood::Silent),
+        refuses_to_read(Mood::IgnoresRanges),
+    );
+}
+
+#[tokio::test]
+async fn one_that_fails_now_and_then_loses_nothing() {
     let folder = TempDir::new().unwrap();
     let (fake, store) = opened(&folder).await;
     let source = noise(2 * CHUNK);
     let id = ProgramId::of(&source);
-    for mood in [Mood::Refuses(503), Mood::Refuses(403), Mood::Refuses(404), Mood::Silent] {
-        set(&fake, mood);
-        let refused = store.put_program(Tenant::DEFAULT, source.clone().into()).await;
-        assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{mood:?}: {refused:?}");
-        assert!(matches!(store.program_info(id).await, Err(StoreError::NotFound { .. })));
-        store.ping().await.unwrap();
-    }
     set(&fake, Mood::FailsOnce);
     store.put_program(Tenant::DEFAULT, source.clone().into()).await.unwrap();
-    for mood in [Mood::Refuses(503), Mood::Refuses(403), Mood::Silent, Mood::IgnoresRanges] {
-        set(&fake, mood);
-        let refused = store.program_chunk(id, 1).await;
-        assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{mood:?}: {refused:?}");
-    }
     set(&fake, Mood::FailsOnce);
     assert!(store.program_chunk(id, 1).await.unwrap()[..] == source[CHUNK..]);
 
     // Deleted is deleted; the object goes later.
-    set(&fake, Mood::Refuses(503));
+    set(&fake, Mood::Refuses(403));
     store.delete_program(id).await.unwrap();
     assert!(matches!(store.program_chunk(id, 1).await, Err(StoreError::NotFound { .. })));
     store.expire_uploads().await.unwrap();
@@ -256,4 +284,24 @@ async fn what_cannot_be_verified_is_no_intact_program() {
     assert!(matches!(refused, Err(StoreError::Damaged { count: 3, .. })), "{refused:?}");
     set(&fake, Mood::Good);
     assert_eq!(feedwave_store::restore(&elsewhere, &copy, false).await.unwrap().programs_in_objects, 3);
+}
+
+#[tokio::test]
+async fn deleting_waits_once_for_one_that_removes_nothing() {
+    let folder = TempDir::new().unwrap();
+    let (fake, store) = opened(&folder).await;
+    let mut ids = Vec::new();
+    for seed in 0..3_usize {
+        ids.push(store.put_program(Tenant::DEFAULT, noise(CHUNK + 1 + seed).into()).await.unwrap().id);
+    }
+    set(&fake, Mood::Refuses(403));
+    let asked = fake.lock().unwrap().asked;
+    for id in ids {
+        store.delete_program(id).await.unwrap();
+        assert!(matches!(store.program_chunk(id, 0).await, Err(StoreError::NotFound { .. })));
+    }
+    assert_eq!(fake.lock().unwrap().asked - asked, 1);
+    set(&fake, Mood::Good);
+    store.expire_uploads().await.unwrap();
+    assert!(fake.lock().unwrap().objects.is_empty());
 }
