@@ -94,6 +94,7 @@ fn the_example_states_every_key_with_its_default() {
         domain: Some("name".to_owned()),
     };
     full.store = StoreConfig::of_file(Path::new("feedwave.db")).expect("a path");
+    full.store.objects.uri = Some("file:///programs".parse().expect("a URI"));
     full.retention = RetentionConfig {
         jobs_days: Some(1),
         runs_days: Some(1),

@@ -2,6 +2,7 @@
 //! between, backed up and copied. The object store is a folder, or that of `FEEDWAVE_TEST_OBJECTS`: the URI of one with `{}` where the
 //! name of an empty prefix goes (`tests/objects/run.sh`).
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::Arc;
@@ -11,12 +12,12 @@ use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::stream_setpoints_request::Start;
 use feedwave_contract::proto::{
-    DeleteJobRequest, GetJobRequest, GetUploadRequest, Job, JobState, ProgramsDeleteProgramRequest,
+    DeleteJobRequest, GetJobRequest, GetUploadRequest, Job, JobState, ProgramsDeleteProgramRequest, ReadProgramRequest,
     StreamSetpointsRequest,
 };
 use feedwave_tests::{
-    Chance, Clients, Database, Home, SHAFT_CURED, Server, Setpoints, many_blocks, patiently, sha256_hex, shared_store,
-    stream, upload, upload_messages,
+    Chance, Clients, Database, Home, SHAFT_CURED, Server, Setpoints, patiently, sha256_hex, shared_store, stream,
+    upload, upload_messages,
 };
 use futures_util::TryStreamExt as _;
 use object_store::local::LocalFileSystem;
@@ -76,11 +77,7 @@ impl Objects {
 
     /// A service that keeps programs of more than a megabyte here.
     fn settings(&self) -> String {
-        format!(
-            "[store.objects]\nuri = '{}'\nabove_bytes = 1000000\n[log]\nlevel = \
-             'info,object_store=trace,reqwest=trace,hyper_util=trace,hyper=trace,h2=trace'\n",
-            self.uri
-        )
+        format!("[store.objects]\nuri = '{}'\nabove_bytes = 1000000\n", self.uri)
     }
 
     fn home(&self) -> Home {
@@ -113,16 +110,39 @@ impl Objects {
     }
 }
 
-/// Above the size, and of several chunks.
-fn program(marker: usize) -> Bytes {
-    let text: String = many_blocks(3 << 20).collect();
-    format!("({marker})\n{text}").into()
+/// Above the size, and of several chunks: comments that hardly compress, with few blocks between them.
+fn program(marker: u64) -> Bytes {
+    let mut text = String::from("G21 G97 S1000 M3\nG0 X10. Z0.\nG1 F6000.\n");
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64 ^ marker;
+    for block in 0..640 {
+        text.push('(');
+        for _ in 0..250 {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            write!(text, "{state:016x}").expect("text grows");
+        }
+        writeln!(text, ")\nG1 X{}. Z0.{block:03}", 10 + block % 2).expect("text grows");
+    }
+    text.push_str("M30\n");
+    text.into()
 }
 
 async fn delete(server: &Server, name: &str) -> Result<(), Status> {
     let mut programs = ProgramsClient::new(server.connect().await.channel);
-    let request = ProgramsDeleteProgramRequest { name: name.to_owned(), ..Default::default() };
+    let request = ProgramsDeleteProgramRequest { name: name.to_owned() };
     programs.delete_program(request).await.map(drop)
+}
+
+/// What the service has of a program.
+async fn read(server: &Server, name: &str) -> Result<Vec<u8>, Status> {
+    let request = ReadProgramRequest { name: name.to_owned(), ..ReadProgramRequest::default() };
+    let mut pieces = ProgramsClient::new(server.connect().await.channel).read_program(request).await?.into_inner();
+    let mut source = Vec::new();
+    while let Some(piece) = pieces.message().await? {
+        source.extend_from_slice(&piece.data);
+    }
+    Ok(source)
 }
 
 async fn created(clients: &mut Clients, name: &str) -> Job {
@@ -190,7 +210,9 @@ async fn exits(arguments: &[&str], code: i32, words: &str) {
 #[tokio::test]
 async fn a_large_program_is_streamed_from_its_object_and_goes_with_it() {
     let objects = Objects::new();
-    let server = objects.home().start().await;
+    let settings = objects.settings()
+        + "[log]\nlevel = 'info,object_store=trace,reqwest=trace,hyper_util=trace,hyper=trace,h2=trace'\n";
+    let server = Home::new(FEEDWAVE, &settings).start().await;
     let mut clients = server.connect().await;
     let name = upload(&mut clients, &program(0)).await.unwrap();
     assert_eq!(objects.names().await.len(), 1);
@@ -202,7 +224,7 @@ async fn a_large_program_is_streamed_from_its_object_and_goes_with_it() {
     let again = upload(&mut clients, &program(0)).await.unwrap();
     assert_eq!((again, objects.names().await.len()), (name.clone(), 1));
 
-    clients.jobs.delete_job(DeleteJobRequest { name: job, ..Default::default() }).await.unwrap();
+    clients.jobs.delete_job(DeleteJobRequest { name: job, ..DeleteJobRequest::default() }).await.unwrap();
     delete(&server, &name).await.unwrap();
     assert!(objects.names().await.is_empty());
     for secret in SECRETS {
@@ -280,60 +302,54 @@ async fn an_object_that_was_cut_or_changed_fails_its_jobs_and_is_found() {
 
 #[tokio::test]
 async fn a_service_that_is_killed_while_it_writes_objects_loses_no_program_and_leaves_none() {
-    const KILLS: usize = 6;
+    const KILLS: usize = 4;
     let mut chance = Chance::new();
-    let seed = chance.seed();
     let objects = Objects::new();
     let (home, _) = objects.home_with_file();
     let mut server = home.start().await;
     let mut names = Vec::new();
     for kill in 0..KILLS {
-        let program = program(kill);
-        let mut clients = server.connect().await;
-        let sent = program.clone();
+        let program = program(kill as u64);
+        let (mut clients, sent) = (server.connect().await, program.clone());
         let begun = tokio::spawn(async move { upload(&mut clients, &sent).await });
-        // Somewhere between its first byte and its end.
-        for _ in 0..chance.up_to(400) {
-            tokio::task::yield_now().await;
-            if !server.web().get("/healthz").await.text().is_empty() && begun.is_finished() {
-                break;
+        if kill % 2 == 0 {
+            // Somewhere between its first byte and its end.
+            for _ in 0..chance.up_to(100) {
+                server.web().get("/healthz").await;
             }
+        } else {
+            // Between the object and the row that says that it is whole, or soon after it.
+            patiently(async { while objects.names().await.len() <= kill && !begun.is_finished() {} }).await;
         }
         server = server.kill().await.start().await;
         let acknowledged = begun.await.expect("the caller goes on");
-        let mut clients = server.connect().await;
         if let Ok(name) = acknowledged {
-            ready(&mut clients, &name).await;
+            assert!(read(&server, &name).await.unwrap() == program, "what was acknowledged is there");
         }
         // Whatever came of it, it goes on from there.
-        names.push(go_on(&mut clients, &program).await.unwrap());
-        ready(&mut clients, &names[kill]).await;
+        let name = go_on(&mut server.connect().await, &program).await.unwrap();
+        assert!(read(&server, &name).await.unwrap() == program);
+        names.push(name);
     }
     // What was being written goes with the next start.
     server = server.kill().await.start().await;
     objects.until(KILLS).await;
-    let mut clients = server.connect().await;
-    let jobs = clients.jobs.list_jobs(feedwave_contract::proto::ListJobsRequest::default()).await.unwrap().into_inner();
-    for job in jobs.jobs {
-        clients.jobs.delete_job(DeleteJobRequest { name: job.name, ..Default::default() }).await.unwrap();
-    }
     for name in names {
         let channel = server.connect().await.channel;
-        let begun = tokio::spawn(async move {
-            let request = ProgramsDeleteProgramRequest { name, ..Default::default() };
-            ProgramsClient::new(channel).delete_program(request).await
-        });
+        let request = ProgramsDeleteProgramRequest { name: name.clone() };
+        let begun = tokio::spawn(async move { ProgramsClient::new(channel).delete_program(request).await });
         for _ in 0..chance.up_to(8) {
             server.web().get("/healthz").await;
         }
         server = server.kill().await.start().await;
-        let _ = begun.await.expect("the caller goes on");
-    }
-    // Those whose deletion never came to the service are deleted now.
-    let mut programs = ProgramsClient::new(server.connect().await.channel);
-    let left = programs.list_programs(feedwave_contract::proto::ListProgramsRequest::default()).await.unwrap();
-    for left in left.into_inner().programs {
-        delete(&server, &left.name).await.unwrap_or_else(|refused| panic!("{refused:?}; seed {seed}"));
+        let acknowledged = begun.await.expect("the caller goes on").is_ok();
+        match read(&server, &name).await {
+            Ok(_) => {
+                assert!(!acknowledged, "what was deleted is there; seed {}", chance.seed());
+                delete(&server, &name).await.unwrap();
+            }
+            Err(status) => assert_eq!(status.code(), Code::NotFound, "{status:?}; seed {}", chance.seed()),
+        }
     }
     objects.until(0).await;
 }
@@ -402,7 +418,7 @@ async fn replicas_share_objects() {
     let again = streamed(&mut clients, &job, 0).await.unwrap();
     assert_eq!(bits(&again.column("X_mm")), bits(&whole.column("X_mm")));
     exits(&["check", "--store", &store.uri], 0, "intact").await;
-    clients.jobs.delete_job(DeleteJobRequest { name: job, ..Default::default() }).await.unwrap();
+    clients.jobs.delete_job(DeleteJobRequest { name: job, ..DeleteJobRequest::default() }).await.unwrap();
     delete(&second, &name).await.unwrap();
     assert!(objects.names().await.is_empty());
 }
