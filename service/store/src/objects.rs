@@ -40,6 +40,10 @@ const SMALL_AT_MOST: Duration = Duration::from_secs(10);
 /// After an object could not be removed or written none is removed for so long, but left to be removed later.
 const REMOVE_AGAIN_AFTER: Duration = Duration::from_secs(60);
 
+/// Name of an empty object that is there before any other. It tells an object store that has lost something from one that is not
+/// the one that was written, such as a folder where nothing is mounted.
+const MARK: &str = "feedwave";
+
 /// Which programs are kept as objects, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ObjectSettings {
@@ -107,9 +111,8 @@ impl fmt::Display for Fault {
 
 impl std::error::Error for Fault {}
 
-/// Why an object that was written cannot be read: whether it is lost, or only the folder or bucket is another one now, is
-/// not to be seen from here.
-pub(crate) const MISSING: &str = "a large program is not in its object store";
+/// Why an object that was written cannot be read where there is no mark either: it may be found again.
+pub(crate) const MISSING: &str = "the object store of large programs is not the one that they were written to";
 
 /// It may only not be mounted.
 const NO_FOLDER: &str = "the folder of large programs is not there";
@@ -136,6 +139,21 @@ struct Opened {
 impl Opened {
     fn path(&self, key: &str) -> Path {
         self.prefix.clone().join(key)
+    }
+
+    /// Whether objects were written here before.
+    async fn is_marked(&self) -> Result<bool> {
+        // A folder would be made anew, where something else was before.
+        if let Some(folder) = &self.folder
+            && tokio::fs::metadata(folder).await.is_err()
+        {
+            return Err(StoreError::unavailable(NO_FOLDER));
+        }
+        match self.store.head(&self.path(MARK)).await {
+            Ok(_) => Ok(true),
+            Err(object_store::Error::NotFound { .. }) => Ok(false),
+            Err(error) => Err(fault(&error)),
+        }
     }
 }
 
@@ -201,17 +219,25 @@ impl Objects {
         Ok(found)
     }
 
+    /// Whether objects were written to a place before.
+    pub(crate) async fn is_marked(&self, place: &str) -> Result<bool> {
+        self.opened(place)?.is_marked().await
+    }
+
+    /// Says of a place that objects are written to it.
+    pub(crate) async fn mark(&self, place: &str) -> Result<()> {
+        let opened = self.opened(place)?;
+        opened.store.put(&opened.path(MARK), Bytes::new().into()).await.map_err(|error| fault(&error))?;
+        Ok(())
+    }
+
     /// Begins to write an object.
     pub(crate) async fn writer(&self, name: ObjectName) -> Result<Writer<'_>> {
         let turn = tokio::time::timeout(REQUEST_AT_MOST, self.writes.acquire()).await;
         let turn = turn.map_err(|_| StoreError::unavailable("other large programs are still being written"))?;
         let turn = turn.map_err(|_| StoreError::unavailable("it is closed"))?;
-        let Opened { store, prefix, folder } = self.opened(&name.place)?;
-        // It would be made anew, where something else was before.
-        if folder.is_some_and(|folder| !folder.is_dir()) {
-            return Err(StoreError::unavailable(NO_FOLDER));
-        }
-        let path = prefix.join(name.key.as_str());
+        let opened = self.opened(&name.place)?;
+        let (path, store) = (opened.path(&name.key), opened.store);
         Ok(Writer { name, store, path, upload: None, part: Vec::new(), pieces: Vec::new(), bytes: 0, _turn: turn })
     }
 
@@ -261,7 +287,10 @@ impl Objects {
         }
         let removed = within(async {
             match opened.store.delete(&opened.path(&name.key)).await {
-                Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+                Ok(()) => Ok(()),
+                // It is where it was written that it has to be gone.
+                Err(object_store::Error::NotFound { .. }) if opened.is_marked().await? => Ok(()),
+                Err(object_store::Error::NotFound { .. }) => Err(StoreError::unavailable(MISSING)),
                 Err(error) => Err(fault(&error)),
             }
         })
@@ -294,7 +323,10 @@ async fn within<T>(asked: impl Future<Output = Result<T>>) -> Result<T> {
 /// What it means that a range could not be read: it may be that there is none.
 async fn lost(opened: &Opened, name: &ObjectName, end: u64, error: &object_store::Error) -> StoreError {
     if let object_store::Error::NotFound { .. } = error {
-        return StoreError::unavailable_by(MISSING, Fault::of(error));
+        return match opened.is_marked().await {
+            Ok(true) => other(name, "is not there any more"),
+            _ => StoreError::unavailable_by(MISSING, Fault::of(error)),
+        };
     }
     match opened.store.head(&opened.path(&name.key)).await {
         Ok(there) if there.size < end => other(name, "is shorter than it was written"),

@@ -12,6 +12,8 @@ use axum::response::{IntoResponse, Response};
 use feedwave_store::{
     CHUNK_BYTES, ObjectSettings, ProgramId, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
 };
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{Connection as _, SqliteConnection};
 use tempfile::TempDir;
 
 const CHUNK: usize = CHUNK_BYTES as usize;
@@ -37,6 +39,8 @@ enum Mood {
 struct Fake {
     mood: Mood,
     objects: BTreeMap<String, Bytes>,
+    /// The object that is there before any other.
+    mark: Option<String>,
     parts: BTreeMap<String, Vec<Bytes>>,
     /// Lengths of what was read.
     read: Vec<usize>,
@@ -104,6 +108,11 @@ fn served(fake: &Shared, method: &Method, uri: &Uri, headers: &HeaderMap, body: 
             fake.objects.insert(key, whole.into());
             xml("<CompleteMultipartUploadResult><ETag>\"tag\"</ETag></CompleteMultipartUploadResult>".into())
         }
+        ("PUT", _) if key.ends_with("/feedwave") => {
+            assert!(fake.objects.is_empty() && body.is_empty());
+            fake.mark = Some(key);
+            tag.into_response()
+        }
         ("PUT", _) => {
             fake.objects.insert(key, body);
             tag.into_response()
@@ -117,7 +126,10 @@ fn served(fake: &Shared, method: &Method, uri: &Uri, headers: &HeaderMap, body: 
             StatusCode::NO_CONTENT.into_response()
         }
         (method, _) => {
-            let Some(object) = fake.objects.get(&key).cloned() else { return StatusCode::NOT_FOUND.into_response() };
+            let mark = (fake.mark.as_ref() == Some(&key)).then(Bytes::new);
+            let Some(object) = fake.objects.get(&key).cloned().or(mark) else {
+                return StatusCode::NOT_FOUND.into_response();
+            };
             let modified = [(header::LAST_MODIFIED, HeaderValue::from_static("Thu, 01 Jan 2026 00:00:00 GMT"))];
             let range = headers.get(header::RANGE).and_then(|range| range.to_str().ok()?.strip_prefix("bytes="));
             let range = range.and_then(|range| range.split_once('-'));
@@ -204,7 +216,7 @@ async fn a_large_program_is_written_in_parts_and_read_by_ranges() {
 
 async fn refuses_to_write(mood: Mood) {
     let folder = TempDir::new().unwrap();
-    let (fake, store) = opened_within(&folder, "1s").await;
+    let (fake, store) = opened_within(&folder, "300ms").await;
     let source = noise(2 * CHUNK);
     let id = ProgramId::of(&source);
     set(&fake, mood);
@@ -216,9 +228,21 @@ async fn refuses_to_write(mood: Mood) {
 
 async fn refuses_to_read(mood: Mood) {
     let folder = TempDir::new().unwrap();
-    let (fake, store) = opened_within(&folder, if mood == Mood::Silent { "1s" } else { "60s" }).await;
+    let (fake, mut store) = opened(&folder).await;
     let source = noise(2 * CHUNK);
     let id = store.put_program(Tenant::DEFAULT, source.clone().into()).await.unwrap().id;
+    if mood == Mood::Silent {
+        // Written with patience, read with less.
+        let uri = store.uri().clone();
+        store.close().await;
+        drop(store);
+        let file = SqliteConnectOptions::new().filename(folder.path().join("feedwave.db"));
+        let mut database = SqliteConnection::connect_with(&file).await.unwrap();
+        let hasty = "UPDATE objects SET place = REPLACE(place, 'timeout=60s', 'timeout=300ms')";
+        assert_eq!(sqlx::query(hasty).execute(&mut database).await.unwrap().rows_affected(), 1);
+        database.close().await.unwrap();
+        store = Store::open(&uri, StoreSettings::default()).await.unwrap();
+    }
     set(&fake, mood);
     let refused = store.program_chunk(id, 1).await;
     assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{mood:?}: {refused:?}");

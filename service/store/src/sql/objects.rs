@@ -12,7 +12,7 @@ use bytes::Bytes;
 use super::programs::Chunk;
 use super::record::Record;
 use crate::error::{Result, StoreError};
-use crate::objects::{ObjectName, Objects, Piece, Writer, Written};
+use crate::objects::{MISSING, ObjectName, Objects, Piece, Writer, Written};
 use crate::programs::ProgramId;
 
 /// What is not in use for so long is not being written any more.
@@ -56,6 +56,10 @@ pub(crate) const PIECE_OF_PROGRAM: &str =
     "SELECT key, place, chunk_index, source_bytes, object_offset, object_bytes, sha256
     FROM programs JOIN objects USING (content_id) JOIN object_chunks USING (content_id) WHERE id = $1 AND chunk_index = $2";
 
+/// Whether a program is in an object at a place, `$1`.
+pub(crate) const HAS_OBJECTS: &str =
+    "SELECT EXISTS (SELECT 1 FROM objects WHERE place = $1 AND content_id IS NOT NULL)";
+
 /// The steps that a database does, and what is made of them.
 #[async_trait]
 pub(crate) trait ObjectSteps: Clone + Send + Sync + 'static {
@@ -66,6 +70,9 @@ pub(crate) trait ObjectSteps: Clone + Send + Sync + 'static {
 
     /// Says that there may be an object of this name from now on, unless too many others are to go.
     async fn announce_object(&self, name: &ObjectName) -> Result<()>;
+
+    /// Whether a program is in an object at a place.
+    async fn has_objects_at(&self, place: &str) -> Result<bool>;
 
     /// One chunk of a content as it is compressed, with its bytes of source.
     async fn packed_chunk(&self, content: i64, index: u64) -> Result<Option<(i64, Vec<u8>)>>;
@@ -159,6 +166,12 @@ pub(crate) trait ObjectSteps: Clone + Send + Sync + 'static {
 }
 
 async fn write(store: &impl ObjectSteps, name: ObjectName, from: Packed) -> Result<Written> {
+    if !store.objects().is_marked(&name.place).await? {
+        if store.has_objects_at(&name.place).await? {
+            return Err(StoreError::unavailable(MISSING));
+        }
+        store.objects().mark(&name.place).await?;
+    }
     let mut writer = store.objects().writer(name).await?;
     match fill(store, &mut writer, from).await {
         Ok(()) => writer.finish().await,

@@ -8,7 +8,7 @@ use crate::error::{Result, StoreError};
 use crate::objects::{ObjectName, Objects, Piece, Written};
 use crate::programs::ProgramId;
 use crate::sql::clock::system_us;
-use crate::sql::objects::{LEFT_AT_MOST, ObjectSteps, PIECE_OF_PROGRAM, PIECES, object_name, piece};
+use crate::sql::objects::{HAS_OBJECTS, LEFT_AT_MOST, ObjectSteps, PIECE_OF_PROGRAM, PIECES, object_name, piece};
 use crate::sql::programs::REMOVED_CHUNKS;
 
 impl SqliteStore {
@@ -94,6 +94,10 @@ impl ObjectSteps for SqliteStore {
             })
         })
         .await
+    }
+
+    async fn has_objects_at(&self, place: &str) -> Result<bool> {
+        Ok(sqlx::query_scalar(HAS_OBJECTS).bind(place).fetch_one(&mut *self.reader().await?).await?)
     }
 
     async fn packed_chunk(&self, content: i64, index: u64) -> Result<Option<(i64, Vec<u8>)>> {

@@ -18,13 +18,13 @@ pub(crate) fn settings(folder: &Path) -> StoreSettings {
     StoreSettings { objects: Some(ObjectSettings { uri, above_bytes: CHUNK_BYTES }), ..StoreSettings::default() }
 }
 
-/// The files in a folder with their contents, but for parts of what is being written.
+/// The objects in a folder, but for parts of what is being written and the one that is there before any other.
 pub(crate) fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let files = std::fs::read_dir(folder).expect("the folder is there").map(|file| {
         let file = file.expect("a file");
         (file.file_name().into_string().expect("text"), std::fs::read(file.path()).expect("can be read"))
     });
-    files.filter(|(name, _)| !name.contains('#')).collect()
+    files.filter(|(name, _)| !name.contains('#') && name != "feedwave").collect()
 }
 
 /// Uploads everything of a program but its end.
@@ -129,14 +129,40 @@ async fn what_happens_to_an_object_is_found_and_said() {
         assert!(report.problems.len() == 1 && report.problems[0].reason.contains(says), "{report:?}");
     }
     std::fs::remove_file(&path).unwrap();
-    // It may be that only the folder is another one now.
     let error = store.program_chunk(id, 0).await.unwrap_err();
-    assert!(matches!(error, StoreError::Unavailable { .. }), "{error:?}");
+    assert!(matches!(error, StoreError::Corrupt { .. }) && error.to_string().contains("is not there"), "{error:?}");
     let report = feedwave_store::check(store.uri()).await.unwrap();
     assert!(report.problems.len() == 1 && report.problems[0].reason.contains("is not there"), "{report:?}");
     // What is gone already can be deleted.
     store.delete_program(id).await.unwrap();
     assert!(feedwave_store::check(store.uri()).await.unwrap().is_intact());
+}
+
+#[tokio::test]
+async fn a_folder_where_nothing_is_mounted_has_lost_nothing_and_is_written_nothing() {
+    let (place, folder) = (Place::new(), TempDir::new().unwrap());
+    let (there, away) = (folder.path().join("objects"), folder.path().join("away"));
+    std::fs::create_dir(&there).unwrap();
+    let store = place.open(settings(&there)).await;
+    let source = source(2 * CHUNK);
+    let id = store.put_program(Tenant::DEFAULT, source.clone().into()).await.unwrap().id;
+    let deleted = store.put_program(Tenant::DEFAULT, source[1..].to_vec().into()).await.unwrap().id;
+    std::fs::rename(&there, &away).unwrap();
+    std::fs::create_dir(&there).unwrap();
+    let unread = store.program_chunk(id, 0).await.unwrap_err();
+    assert!(matches!(unread, StoreError::Unavailable { .. }), "{unread:?}");
+    let unwritten = store.put_program(Tenant::DEFAULT, source[2..].to_vec().into()).await.unwrap_err();
+    assert!(matches!(unwritten, StoreError::Unavailable { .. }), "{unwritten:?}");
+    store.delete_program(deleted).await.unwrap();
+    store.expire_uploads().await.unwrap();
+    assert_eq!(std::fs::read_dir(&there).unwrap().count(), 0);
+
+    std::fs::remove_dir(&there).unwrap();
+    std::fs::rename(&away, &there).unwrap();
+    assert_eq!(read_back(&store, id).await, source);
+    // What was deleted meanwhile goes now.
+    store.expire_uploads().await.unwrap();
+    assert_eq!(files(&there).len(), 1);
 }
 
 #[tokio::test]
