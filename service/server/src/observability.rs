@@ -9,9 +9,10 @@ use std::io::IsTerminal as _;
 use opentelemetry::trace::TracerProvider as _;
 use opentelemetry_otlp::WithExportConfig as _;
 use opentelemetry_sdk::trace::SdkTracerProvider;
+use tracing_subscriber::Layer as _;
+use tracing_subscriber::filter::{ParseError, Targets};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
-use tracing_subscriber::{EnvFilter, Layer as _};
 
 use crate::config::{Config, LogFormat};
 
@@ -46,7 +47,7 @@ impl LogGuard {
 /// A text for the operator where the exporter cannot be built or a log is set up already.
 pub fn init(config: &Config) -> Result<LogGuard, String> {
     std::panic::set_hook(Box::new(log_panic));
-    let filter = EnvFilter::try_new(&config.log.level).map_err(|error| error.to_string())?;
+    let filter: Targets = config.log.level.parse().map_err(|error: ParseError| error.to_string())?;
     let lines =
         tracing_subscriber::fmt::layer().with_ansi(std::io::stderr().is_terminal()).with_writer(std::io::stderr);
     let lines = match config.log.format {

@@ -79,7 +79,7 @@ impl Config {
 
     /// Text that others have to understand.
     fn unusable_text(&self) -> impl Iterator<Item = Problem> {
-        let level = tracing_subscriber::EnvFilter::try_new(&self.log.level).err();
+        let level = self.log.level.parse::<tracing_subscriber::filter::Targets>().err();
         let endpoint = self.telemetry.otlp_endpoint.as_deref().filter(|endpoint| {
             !endpoint.parse::<http::Uri>().is_ok_and(|uri| uri.scheme().is_some() && uri.host().is_some())
         });

@@ -47,15 +47,17 @@ fn largest_steps(smoothed: &[Smoothed<Cut>], original: &[Element]) -> [f64; 2] {
     largest
 }
 
-/// Largest distances of the path that is run from the programmed one, and of programmed points from it.
-fn distances(smoothed: &[Smoothed<Cut>], original: &[Element]) -> [f64; 2] {
-    let run: Vec<Element> = smoothed.iter().map(|smoothed| smoothed.element.clone()).collect();
+/// Largest distance of these elements from a path, at places along them.
+fn farthest(from: &[Element], path: &[Element]) -> f64 {
     let places = |element: &Element| {
         (0..=6).map(|k| linear(&element.position(element.length * f64::from(k) / 6.0))).collect::<Vec<_>>()
     };
-    let farthest = |from: &[Element], to: &[Element]| {
-        from.iter().flat_map(places).map(|point| distance_to(to, point)).fold(0.0, f64::max)
-    };
+    from.iter().flat_map(places).map(|point| distance_to(path, point)).fold(0.0, f64::max)
+}
+
+/// Largest distances of the path that is run from the programmed one, and of programmed points from it.
+fn distances(smoothed: &[Smoothed<Cut>], original: &[Element]) -> [f64; 2] {
+    let run: Vec<Element> = smoothed.iter().map(|smoothed| smoothed.element.clone()).collect();
     [farthest(&run, original), farthest(original, &run)]
 }
 
@@ -71,7 +73,7 @@ fn assert_curve(original: &[Element], smoothed: &[Smoothed<Cut>], tolerance_mm: 
     prop_assert!(bend < 1e-5, "curvature jumps by {bend}");
     for own in smoothed {
         // What a part says of itself bounds how far it is from the programmed path.
-        let [off_mm, _] = distances(core::slice::from_ref(own), original);
+        let off_mm = farthest(core::slice::from_ref(&own.element), original);
         let stated_mm = own.deviation.largest_mm;
         prop_assert!(stated_mm <= tolerance_mm, "{stated_mm} stated of {tolerance_mm}");
         let is_curve = matches!(own.origin, Origin::Blocks { .. });
