@@ -96,17 +96,18 @@ FEEDWAVE_TEST_OBJECTS="s3://programs/{}?endpoint=http://127.0.0.1:$port&allow_ht
 
 started azure
 # The account and the key that every Azurite has.
-export AZURE_STORAGE_ACCOUNT_NAME=devstoreaccount1
+readonly account=devstoreaccount1
 AZURE_STORAGE_ACCOUNT_KEY=$(grep -oEm1 '[A-Za-z0-9+/]{86}==' "$scratch/node_modules/azurite/dist/src/common/utils/constants.js" | head -n 1)
 export AZURE_STORAGE_ACCOUNT_KEY
-"$python/bin/python" - "$port" <<'PYTHON'
+"$python/bin/python" - "$port" "$account" <<'PYTHON'
 import os
 import sys
 
 from azure.storage.blob import BlobServiceClient
 
-account, key = os.environ["AZURE_STORAGE_ACCOUNT_NAME"], os.environ["AZURE_STORAGE_ACCOUNT_KEY"]
-BlobServiceClient(f"http://127.0.0.1:{sys.argv[1]}/{account}", credential=key).create_container("programs")
+port, account = sys.argv[1:]
+key = os.environ["AZURE_STORAGE_ACCOUNT_KEY"]
+BlobServiceClient(f"http://127.0.0.1:{port}/{account}", credential=key).create_container("programs")
 PYTHON
 echo "Azure Blob Storage (Azurite) on port $port"
-FEEDWAVE_TEST_OBJECTS="az://programs/{}?endpoint=http://127.0.0.1:$port/$AZURE_STORAGE_ACCOUNT_NAME&allow_http=true" tests "$@"
+FEEDWAVE_TEST_OBJECTS="az://programs/{}?account_name=$account&endpoint=http://127.0.0.1:$port/$account&allow_http=true" tests "$@"
