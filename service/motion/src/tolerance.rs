@@ -291,7 +291,7 @@ pub(crate) const SPEED_RAMP_SHARE: f64 = 0.002;
 /// Most steps of the interior point method; it takes some twelve.
 pub(crate) const SPEED_STEPS: usize = 40;
 /// Duality gap at which a speed is good, as a share of the time.
-pub(crate) const SPEED_GAP: f64 = 3e-4;
+pub(crate) const SPEED_GAP: f64 = 1e-3;
 /// Least slack of a limit to start with, as a share of it.
 pub(crate) const SPEED_START_SLACK: f64 = 0.3;
 /// How often limits are lowered where they are exceeded between the knots.

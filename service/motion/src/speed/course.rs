@@ -8,6 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::tolerance::{SAME_POINT_MM, SOLVER_STEPS, TIME_PRECISION};
 
+/// Relative change of a time in a step of Newton's method that leaves it exact to rounding: the error of the next one is as small as its
+/// square.
+const NEWTON_SETTLED: f64 = 1e-10;
+
 /// What a course is limited by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -94,7 +98,8 @@ impl Segment {
             // A bracket without an upper end holds whatever lies above the lower one.
             let is_inside = next > low && next < high;
             let next = if is_inside { next } else { 0.5 * (low + high) };
-            let is_settled = (next - t).abs() <= TIME_PRECISION * t;
+            let precision = if is_inside { NEWTON_SETTLED } else { TIME_PRECISION };
+            let is_settled = (next - t).abs() <= precision * t;
             t = next;
             if is_settled || t.is_infinite() {
                 break;

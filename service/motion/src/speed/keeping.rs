@@ -15,7 +15,7 @@ use crate::tolerance::{
 /// Part of a window above which it is solved again as a whole.
 const MOST_AGAIN: f64 = 0.7;
 /// Shares of its cap from which on a coefficient is raised towards it, and at which it is there.
-const NEAR_CAP: [f64; 2] = [0.997, 0.9994];
+const NEAR_CAP: [f64; 2] = [0.995, 0.999];
 /// Largest excess that a limit is lowered by at once; b that falls below zero has no other.
 const MOST_EXCESS: f64 = 2.0;
 
@@ -108,34 +108,47 @@ impl SpeedPlanner {
         if some as f64 > MOST_AGAIN * intervals as f64 { core::iter::once(0..intervals).collect() } else { changed }
     }
 
-    /// Raises coefficients that are nearly at their caps to them, where all limits are kept then: the method stays a little inside
-    /// of every limit, and a commanded speed is one that the path has to have.
+    /// Raises coefficients that are nearly at their caps to them, row by row of them, where all limits are kept then: the method stays a
+    /// little inside of every limit, and a commanded speed is one that the path has to have.
     pub(super) fn reach_caps(&mut self, path: &Path<'_>) {
         let intervals = self.problem.knots.intervals();
-        self.before.clone_from(&self.c);
-        let mut changed: Option<Range<usize>> = None;
         // Those at either end are given.
-        for index in 2..intervals {
-            let per_cap = self.problem.per_caps[index];
-            let share = self.c[index] * per_cap;
-            let above = (share - NEAR_CAP[0]) / (NEAR_CAP[1] - NEAR_CAP[0]);
-            if per_cap <= 0.0 || above <= 0.0 || share >= 1.0 {
+        let mut index = 2;
+        while index < intervals {
+            let first = index;
+            self.before.clear();
+            while index < intervals
+                && let Some(raised) = raised(self.c[index], self.problem.per_caps[index])
+            {
+                self.before.push(self.c[index]);
+                self.c[index] = raised;
+                index += 1;
+            }
+            if index == first {
+                index += 1;
                 continue;
             }
-            let above = above.min(1.0);
-            let part = above * above * (3.0 - 2.0 * above);
-            let cap = 1.0 / per_cap;
-            self.c[index] = if part < 1.0 { self.c[index] + part * (cap - self.c[index]) } else { cap };
             // A coefficient acts on three intervals, up to the one of its number.
-            let acts = index - 2..(index + 1).min(intervals);
-            changed = Some(changed.map_or(acts.clone(), |changed| changed.start..acts.end));
-        }
-        let Some(changed) = changed else { return };
-        let found = (&self.left[..], &mut self.worst[..]);
-        if !check::worst((path, &self.samples), &self.problem.knots, &self.c, found, changed) {
-            self.c.clone_from(&self.before);
+            let acts = first - 2..index;
+            let found = (&self.left[..], &mut self.worst[..]);
+            if !check::worst((path, &self.samples), &self.problem.knots, &self.c, found, acts) {
+                self.c[first..index].copy_from_slice(&self.before);
+            }
         }
     }
+}
+
+/// What a coefficient is raised to that is nearly at its cap.
+fn raised(c: f64, per_cap: f64) -> Option<f64> {
+    let share = c * per_cap;
+    let above = (share - NEAR_CAP[0]) / (NEAR_CAP[1] - NEAR_CAP[0]);
+    if per_cap <= 0.0 || above <= 0.0 || share >= 1.0 {
+        return None;
+    }
+    let above = above.min(1.0);
+    let part = above * above * (3.0 - 2.0 * above);
+    let cap = 1.0 / per_cap;
+    Some(if part < 1.0 { c + part * (cap - c) } else { cap })
 }
 
 /// A part of so many intervals; near an end of them, up to it.

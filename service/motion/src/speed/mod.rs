@@ -266,7 +266,7 @@ impl SpeedPlanner {
 const FIRST_INTERVALS: f64 = 5.0;
 /// Parts of the squared speeds of a guess, and of those of the first plan, that the steps start from.
 const GUESS_SCALE: f64 = 0.7;
-const FOUND_SCALE: f64 = 0.9;
+const FOUND_SCALE: f64 = 0.97;
 /// Part of the squared speed of a possible plan that a faster one does not fall below.
 const LEAST_OF_GUESS: f64 = 0.3;
 /// Part of a coefficient that the next one is at the least, to start with.

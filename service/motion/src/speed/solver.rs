@@ -218,7 +218,7 @@ impl Solver {
         }));
         self.bounds[..2].fill([0.0; 2]);
         let pairs = axes * places + accelerations + 1;
-        self.pairs.clear();
+        // What they held before is written over at the start.
         self.pairs.resize(pairs * intervals, Pair::default());
         self.falls.resize(places * intervals, 0.0);
         Part {
