@@ -23,6 +23,11 @@ impl SqliteStore {
 
     /// Lets go what an earlier process announced and did not take into use: the file is this one's, so nobody writes it.
     pub(super) async fn let_announced_go(&self) -> Result<()> {
+        let announced = "SELECT EXISTS (SELECT 1 FROM objects WHERE content_id IS NULL AND leaving = 0)";
+        if !sqlx::query_scalar::<_, bool>(announced).fetch_one(&mut *self.reader().await?).await? {
+            // Opening writes nothing where there is nothing to write.
+            return Ok(());
+        }
         self.write(0, |tx| {
             Box::pin(async move {
                 sqlx::query("UPDATE objects SET leaving = 1 WHERE content_id IS NULL AND leaving = 0")
