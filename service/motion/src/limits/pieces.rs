@@ -209,7 +209,7 @@ impl<'a, const AXES: usize> Rule<'a, AXES> {
     fn limits(&self, Bounds([first, second, third]): &Bounds) -> Result<PathLimits, LimitExceeded> {
         let superposed = self.superposed;
         let axes = self.machine.axes.iter().map(|axis| (axis, axis.axis.index()));
-        let moved: SmallVec<[(&MachineAxis, usize); 3]> = axes.filter(|&(_, k)| first[k] > 0.0).collect();
+        let moved: SmallVec<[(&MachineAxis, usize); AXIS_COUNT]> = axes.filter(|&(_, k)| first[k] > 0.0).collect();
         // R₁: the axes' shares of the largest acceleration along the path.
         let hardest = moved.iter().map(|&(axis, k)| first[k] / axis.max_acceleration_per_s2).fold(0.0, f64::max);
         let share = |axis: &MachineAxis, k: usize| first[k] / (hardest * axis.max_acceleration_per_s2).max(1.0);
