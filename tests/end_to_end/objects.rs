@@ -413,7 +413,7 @@ async fn an_object_store_that_cannot_be_is_refused_at_start() {
 
 /// All replicas read the objects of each other.
 #[tokio::test]
-#[ignore = "tests/postgres/run.sh starts the server that it needs"]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn replicas_share_objects() {
     let (objects, store) = (Objects::new(), shared_store());
     let first = Home::on(FEEDWAVE, &store, &objects.settings()).start().await;
@@ -433,7 +433,7 @@ async fn replicas_share_objects() {
 
 /// What was in objects is in the database of the server, which no longer needs them.
 #[tokio::test]
-#[ignore = "tests/postgres/run.sh starts the server that it needs"]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn a_copy_to_a_server_holds_what_was_in_objects() {
     let (objects, database) = (Objects::new(), shared_store());
     let (home, file) = objects.home_with_file();
