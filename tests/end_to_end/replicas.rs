@@ -164,6 +164,36 @@ async fn a_live_run_moves_from_replica_to_replica() {
     known.prove(servers[0].as_ref().expect("a server").connect().await, job, seed).await;
 }
 
+/// Waits until every watcher has seen this of a machine; when each did.
+async fn seen_by_all(watches: &mut [Watch], wanted: Availability, times: &mut [Vec<Instant>]) {
+    let seen = watches.iter_mut().zip(times).map(async |(watch, times)| {
+        watch.until(|state| state.availability() == wanted).await;
+        times.push(Instant::now());
+    });
+    futures_util::future::join_all(seen).await;
+}
+
+#[tokio::test]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn who_comes_and_goes_at_one_replica_does_so_at_every_one() {
+    let servers = replicas::<3>().await;
+    let job = monitored(&servers[0], config()).await;
+    let mut watches = Vec::new();
+    for server in &servers {
+        watches.push(Watch::open(server, "machines/lathe").await);
+    }
+    let (mut target, mut times) = (Target::Job(job), [const { Vec::new() }; 3]);
+    for server in servers.iter().cycle().take(30) {
+        let live = Live::open(server, target, 0).await;
+        target = Target::Run(live.run.clone());
+        seen_by_all(&mut watches, Availability::Available, &mut times).await;
+        drop(live);
+        seen_by_all(&mut watches, Availability::Unavailable, &mut times).await;
+    }
+    // What docs/scaling.md says of it.
+    println!("a state at the last of three replicas after the first: {:.1?}", spread(&times));
+}
+
 #[tokio::test]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn what_a_machine_does_is_seen_at_every_replica() {

@@ -25,7 +25,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use feedwave_contract::json;
 use feedwave_contract::proto::{MachineState, RunActivity, RunCondition as ConditionMessage};
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use tokio::time::{Instant, sleep_until};
 use uuid::Uuid;
 
@@ -41,7 +41,7 @@ use crate::error::Result;
 use crate::http::Tagged;
 use machine::{Connected, Logged, Machine};
 
-/// Least time between two states of a machine that a reader is given.
+/// Least time between two states that a run tells of itself, unless something happens, and that a reader is given.
 pub(crate) const STATE_INTERVAL: Duration = Duration::from_millis(200);
 /// Most unacknowledged conditions that are remembered of a machine; the store has the others.
 const MAX_LOGGED: u32 = 64;
@@ -89,8 +89,10 @@ struct Board {
     removed: u64,
     /// The first page of states as it was written last, and of which version it is.
     first_page: Option<(u64, Arc<Tagged>)>,
-    /// Whether other replicas are to be told of runs.
-    is_shared: bool,
+    /// Rung where other replicas are to be told of something at once; `None` where there are none.
+    bell: Option<Arc<Notify>>,
+    /// Connected runs of which they are.
+    urgent: BTreeSet<Uuid>,
     /// Runs whose streams have ended here, and of which others were not told yet, with their machines.
     left: Vec<(String, RunView)>,
 }
@@ -196,9 +198,18 @@ impl Floor {
         Self { board: Arc::default(), newest: Arc::new(watch::Sender::new(0)) }
     }
 
-    /// From now on, other replicas are to be told of its runs.
-    fn share(&self) {
-        self.board().is_shared = true;
+    /// From now on, other replicas are to be told of its runs, of some at once: then the bell rings.
+    fn share(&self, bell: Arc<Notify>) {
+        self.board().bell = Some(bell);
+    }
+
+    /// Something happened to a run that is connected here.
+    fn ring(&self, run: Uuid) {
+        let mut board = self.board();
+        if let Some(bell) = board.bell.clone() {
+            board.urgent.insert(run);
+            bell.notify_one();
+        }
     }
 
     fn board(&self) -> MutexGuard<'_, Board> {
@@ -259,6 +270,7 @@ impl Floor {
         ticket
     }
 
+    /// What a run does now.
     fn update(&self, id: &str, ticket: u64, view: &RunView) {
         self.change(id, |machine| {
             let connected = machine.connected.iter_mut().find(|connected| connected.ticket == ticket);
@@ -283,8 +295,9 @@ impl Floor {
             }
         });
         let mut board = self.board();
-        if let Some(view) = left.filter(|_| board.is_shared) {
+        if let (Some(view), Some(bell)) = (left, board.bell.clone()) {
             board.left.push((id.to_owned(), view));
+            bell.notify_one();
         }
     }
 

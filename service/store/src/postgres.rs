@@ -36,7 +36,6 @@ use std::time::{Duration, Instant};
 use async_trait::async_trait;
 use sqlx::{Connection as _, PgConnection};
 use tokio::sync::{Semaphore, watch};
-use uuid::Uuid;
 
 use crate::Database;
 use crate::error::{Result, StoreError};
@@ -57,6 +56,8 @@ use probe::Probing;
 use retry::{Failure, Patience};
 use silence::{Silence, TRIVIAL};
 
+/// Connections that read on in logs: one for events, one for decisions.
+const LOG_CONNECTIONS: u32 = 2;
 /// Payload is counted in pieces of this many bytes.
 const PAYLOAD_UNIT_BYTES: u64 = 1024;
 
@@ -71,6 +72,8 @@ struct Inner {
     settings: StoreSettings,
     objects: Objects,
     pool: Pool,
+    /// Reads what comes new into a log: who watches does not queue up behind those who ask for something.
+    log_pool: Pool,
     /// Writes to the log of events.
     events: Lane,
     /// Commits of runs, with what they write to the log of decisions.
@@ -83,8 +86,6 @@ struct Inner {
     payload: Arc<Semaphore>,
     payload_units: u32,
     reads: AtomicU64,
-    /// Names this process among all that ever had the database.
-    replica: String,
 }
 
 #[async_trait]
@@ -94,6 +95,7 @@ impl Database for PostgresStore {
         self.inner.decisions.close().await;
         self.inner.audit.close().await;
         self.inner.bell.close().await;
+        self.inner.log_pool.close().await;
         self.inner.pool.close().await;
     }
 
@@ -133,7 +135,8 @@ impl PostgresStore {
     pub(crate) async fn open(options: PostgresOptions, settings: StoreSettings) -> Result<Self> {
         migrate(&options).await?;
         let silence = Silence::new();
-        let pool = Pool::new(&options, silence.clone())?;
+        let pool = Pool::new(&options, options.connections, silence.clone())?;
+        let log_pool = Pool::new(&options, LOG_CONNECTIONS, silence.clone())?;
         let (clock, newest) = bell::ask_first(&options).await?;
         let shared = Arc::new(Shared::new(&options, &settings, (clock, newest), silence)?);
         let lane = |name| Lane::start(name, shared.clone(), &settings);
@@ -143,6 +146,7 @@ impl PostgresStore {
         let inner = Inner {
             bell: Bell::start(shared.clone()),
             pool,
+            log_pool,
             events: lane("events"),
             decisions: lane("decisions"),
             audit: lane("audit"),
@@ -151,7 +155,6 @@ impl PostgresStore {
             payload: Arc::new(Semaphore::new(payload_units as usize)),
             payload_units,
             reads: AtomicU64::new(0),
-            replica: format!("{}#{}", settings.replica_name, Uuid::now_v7()),
             options,
             objects: Objects::of(settings.objects.clone())?,
             settings,
@@ -297,8 +300,17 @@ impl PostgresStore {
 
     /// A connection for reading.
     async fn reader(&self) -> Result<Reader> {
+        self.reader_of(&self.inner.pool).await
+    }
+
+    /// A connection for reading on in a log: for what is read once for all who watch, `is_shared`, one of its own.
+    async fn log_reader(&self, is_shared: bool) -> Result<Reader> {
+        self.reader_of(if is_shared { &self.inner.log_pool } else { &self.inner.pool }).await
+    }
+
+    async fn reader_of(&self, pool: &Pool) -> Result<Reader> {
         let begun = Instant::now();
-        let lent = self.inner.pool.acquire().await?;
+        let lent = pool.acquire().await?;
         self.inner.reads.fetch_add(1, Ordering::Relaxed);
         Ok(Reader::new(lent, self.inner.settings.observer.clone(), begun))
     }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use bytes::Bytes;
+use tokio::sync::watch;
 use uuid::Uuid;
 
 use crate::error::Result;
@@ -50,11 +51,15 @@ pub struct ToldPresence {
 #[async_trait]
 pub trait Presences {
     /// Tells of runs, in place of what this replica told of them before, and takes back what it told of `gone`. What
-    /// any replica has not told again for long is removed.
+    /// any replica has not told again for long is removed. With `rings` the others are told to look at once.
     ///
     /// # Errors
     /// `TooLarge`, `Unavailable`.
-    async fn tell_presences(&self, told: Vec<Presence>, gone: Vec<Uuid>) -> Result<()>;
+    async fn tell_presences(&self, told: Vec<Presence>, gone: Vec<Uuid>, rings: bool) -> Result<()>;
+
+    /// Changes when another replica rings: what it tells is to be looked at. It may not change where something is amiss, so
+    /// that looking now and then is needed as well.
+    fn watch_presences(&self) -> watch::Receiver<u64>;
 
     /// What other replicas have told, with the bodies of what they told within `window`.
     ///

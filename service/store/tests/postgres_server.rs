@@ -446,7 +446,10 @@ async fn what_one_replica_tells_of_runs_the_others_hear_until_it_is_taken_back()
         is_connected: true,
         body: bytes::Bytes::from_static(body),
     };
-    first.tell_presences(vec![presence(b"one")], Vec::new()).await.unwrap();
+    let (mut rung, own) = (second.watch_presences(), first.watch_presences());
+    first.tell_presences(vec![presence(b"one")], Vec::new(), true).await.unwrap();
+    timeout(Duration::from_secs(60), rung.changed()).await.expect("it rings").unwrap();
+    assert!(!own.has_changed().unwrap(), "nobody rings itself");
     let heard = second.presences(Duration::MAX).await.unwrap();
     let [told] = &heard[..] else { panic!("{heard:?}") };
     assert_eq!((told.run_id, told.tenant, told.sequence, told.is_connected), (run, tenant, 7, true));
@@ -455,17 +458,17 @@ async fn what_one_replica_tells_of_runs_the_others_hear_until_it_is_taken_back()
     // What was told before is not told again.
     let again = second.presences(Duration::ZERO).await.unwrap();
     assert_eq!((again[0].told_us, &again[0].body), (told.told_us, &None));
-    second.tell_presences(vec![presence(b"three")], Vec::new()).await.unwrap();
-    first.tell_presences(vec![presence(b"two")], Vec::new()).await.unwrap();
+    second.tell_presences(vec![presence(b"three")], Vec::new(), false).await.unwrap();
+    first.tell_presences(vec![presence(b"two")], Vec::new(), false).await.unwrap();
     let newer = second.presences(Duration::MAX).await.unwrap();
     assert_eq!((newer.len(), newer[0].body.as_deref()), (1, Some(&b"two"[..])));
     assert!(newer[0].told_us > told.told_us);
-    first.tell_presences(Vec::new(), vec![run]).await.unwrap();
+    first.tell_presences(Vec::new(), vec![run], false).await.unwrap();
     assert_eq!(second.presences(Duration::MAX).await.unwrap(), []);
     assert_eq!(first.presences(Duration::MAX).await.unwrap().len(), 1, "each takes back its own");
     // What nobody tells again for long is nobody's.
     place.execute("UPDATE presences SET told_us = told_us - 61000000").await;
-    first.tell_presences(vec![presence(b"two")], Vec::new()).await.unwrap();
+    first.tell_presences(vec![presence(b"two")], Vec::new(), false).await.unwrap();
     assert_eq!(first.presences(Duration::MAX).await.unwrap(), []);
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 use feedwave_contract::names;
 use feedwave_contract::proto::{
@@ -14,6 +15,9 @@ use futures_util::{Stream, stream};
 use super::{Api, page_request};
 use crate::error::{Error, Result, Violations};
 use crate::floor::{FloorReader, Shown};
+
+/// Least time between two states of a machine that who watches is given.
+const PACE: Duration = Duration::from_millis(50);
 
 fn unknown(id: &str) -> Error {
     Error::NotFound { kind: "machine".to_owned(), name: names::machine(id) }
@@ -76,7 +80,7 @@ impl Api {
             self.floor().state(id).ok_or_else(|| unknown(id))?;
             Some(id.to_owned())
         };
-        let watch = StateWatch { reader: self.floor().reader(machine), read: VecDeque::new() };
+        let watch = StateWatch { reader: self.floor().reader(machine).every(PACE), read: VecDeque::new() };
         Ok(stream::unfold(watch, async |mut watch| watch.next().await.map(|response| (Ok(response), watch))))
     }
 }

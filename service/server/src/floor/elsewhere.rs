@@ -12,13 +12,19 @@ use tokio::time::MissedTickBehavior;
 use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
+use super::machine::Connected;
 use super::restore::view_of;
 use super::{Floor, Floors, Logged, RunView};
 use crate::api::condition_to_proto;
 use crate::error::{Error, Result};
 
-/// How often others are told and heard.
+/// How often others are told of everything, and heard.
 const PERIOD: Duration = Duration::from_millis(250);
+/// Least time from telling or hearing of what has just happened to the next time; it is twice as long as that took, so that
+/// with many runs a third of the time is spent on it at most.
+const PAUSE: Duration = Duration::from_millis(25);
+/// How much later than others something may be visible that is looked for at once; what is later is seen in its turn.
+const RING_OVERLAP: Duration = Duration::from_millis(500);
 /// What has not changed is told again after this time.
 const RENEWAL: Duration = Duration::from_millis(1_500);
 /// Who has said nothing for so long is gone.
@@ -33,20 +39,51 @@ pub(crate) async fn share(floors: Floors, store: Store, stop: CancellationToken)
     if store.lease().is_none() {
         return;
     }
-    floors.share();
+    let bell = floors.share();
+    let mut rung = store.watch_presences();
     let mut sharing = Sharing::new(floors, store);
     let mut rounds = tokio::time::interval(PERIOD);
     rounds.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut fails = false;
+    let (mut is_to_tell, mut is_to_hear) = (false, false);
+    let mut not_before = tokio::time::Instant::now();
     loop {
-        tokio::select! {
+        let turn = tokio::select! {
             () = stop.cancelled() => return,
-            _ = rounds.tick() => {}
+            _ = rounds.tick() => Turn::Round,
+            () = bell.notified(), if !is_to_tell => {
+                is_to_tell = true;
+                continue;
+            }
+            Ok(()) = rung.changed(), if !is_to_hear => {
+                is_to_hear = true;
+                continue;
+            }
+            // Where the store does not answer, the next round tries again.
+            () = tokio::time::sleep_until(not_before), if (is_to_tell || is_to_hear) && !fails => {
+                if is_to_tell { Turn::Tell } else { Turn::Hear }
+            }
+        };
+        match turn {
+            Turn::Round => (is_to_tell, is_to_hear) = (false, false),
+            Turn::Tell => is_to_tell = false,
+            Turn::Hear => is_to_hear = false,
         }
+        let begun = tokio::time::Instant::now();
+        let done = async {
+            match turn {
+                Turn::Round => sharing.round().await,
+                Turn::Tell => sharing.tell(true).await,
+                Turn::Hear => sharing.hear(RING_OVERLAP).await,
+            }
+        };
         let result = tokio::select! {
             () = stop.cancelled() => return,
-            result = sharing.round() => result,
+            result = done => result,
         };
+        if !matches!(turn, Turn::Round) {
+            not_before = tokio::time::Instant::now() + PAUSE.max(begun.elapsed() * 2);
+        }
         match result {
             Ok(()) => fails = false,
             Err(error) => {
@@ -57,6 +94,16 @@ pub(crate) async fn share(floors: Floors, store: Store, stop: CancellationToken)
             }
         }
     }
+}
+
+/// What is to be done.
+enum Turn {
+    /// Everything.
+    Round,
+    /// Others are told of what happened here.
+    Tell,
+    /// What happened elsewhere is looked at.
+    Hear,
 }
 
 /// A run with its machine.
@@ -155,8 +202,8 @@ impl Sharing {
     }
 
     async fn round(&mut self) -> Result<()> {
-        self.tell().await?;
-        self.hear().await?;
+        self.tell(false).await?;
+        self.hear(OVERLAP).await?;
         if self.round.is_multiple_of(MACHINE_ROUNDS) {
             let mark = self.store.machines_mark().await?;
             if self.machines != Some(mark) {
@@ -168,17 +215,20 @@ impl Sharing {
         Ok(())
     }
 
-    /// Tells what has changed of the runs whose streams are connected here, or were.
-    async fn tell(&mut self) -> Result<()> {
+    /// Tells what has changed of the runs whose streams are connected here, or were; with `at_once` of those alone to which
+    /// something happened. Where something did, the others are to look.
+    async fn tell(&mut self, at_once: bool) -> Result<()> {
+        let mut rings = false;
         let mut connected: BTreeMap<Uuid, (Tenant, String, RunView)> = BTreeMap::new();
         for (tenant, floor) in self.floors.all() {
-            let (here, left) = floor.of_this_replica();
+            let (here, left, has_happened) = floor.of_this_replica(at_once);
+            rings = rings || has_happened;
             connected.extend(here.into_iter().map(|(machine, view)| (view.id, (tenant, machine, view))));
             self.left.extend(left.into_iter().map(|(machine, view)| (view.id, (tenant, machine, view))));
         }
         self.left.retain(|run, _| !connected.contains_key(run));
         let is_over = |run: &Uuid| !connected.contains_key(run) && !self.left.contains_key(run);
-        let gone: Vec<Uuid> = self.told.keys().filter(|run| is_over(run)).copied().collect();
+        let gone: Vec<Uuid> = self.told.keys().filter(|run| !at_once && is_over(run)).copied().collect();
         let now = Instant::now();
         connected.retain(|run, (_, _, view)| {
             let is_new = |(told, at): &(RunView, Instant)| told != view || now.duration_since(*at) >= RENEWAL;
@@ -189,7 +239,7 @@ impl Sharing {
         }
         let told = connected.values().map(|run| (run, true)).chain(self.left.values().map(|run| (run, false)));
         let told = told.map(|((tenant, machine, view), is_connected)| presence(*tenant, machine, view, is_connected));
-        self.store.tell_presences(told.collect(), gone.clone()).await?;
+        self.store.tell_presences(told.collect(), gone.clone(), rings).await?;
         for run in gone.iter().chain(self.left.keys()) {
             self.told.remove(run);
         }
@@ -198,12 +248,12 @@ impl Sharing {
         Ok(())
     }
 
-    /// Shows what other replicas have told.
-    async fn hear(&mut self) -> Result<()> {
+    /// Shows what other replicas have told, which may be visible so much later than what was told at the same time.
+    async fn hear(&mut self, overlap: Duration) -> Result<()> {
         let now = Instant::now();
         // What was told before this process began is in the log that it took over.
         let is_first = self.heard_at.is_none();
-        let window = self.heard_at.map_or(Duration::MAX, |at| at.elapsed() + OVERLAP);
+        let window = self.heard_at.map_or(Duration::MAX, |at| at.elapsed() + overlap);
         let all = self.store.presences(window).await?;
         self.heard_at = Some(now);
         // Who could not be heard is not gone.
@@ -301,16 +351,23 @@ async fn logged(store: &Store, view: &RunView) -> Result<Vec<Logged>> {
 }
 
 impl Floor {
-    /// Runs whose streams are connected here, and those whose streams have ended here since the last call, with their
-    /// machines.
-    pub(super) fn of_this_replica(&self) -> (Vec<OfMachine>, Vec<OfMachine>) {
+    /// Runs whose streams are connected here, of them those alone to which something has happened if that is asked for, and
+    /// those whose streams have ended here since the last call, with their machines; and whether anything has happened.
+    pub(super) fn of_this_replica(&self, urgent_only: bool) -> (Vec<OfMachine>, Vec<OfMachine>, bool) {
         let mut board = self.board();
         let left = std::mem::take(&mut board.left);
+        let urgent = std::mem::take(&mut board.urgent);
+        let has_happened = !urgent.is_empty() || !left.is_empty();
         let mut here = Vec::new();
+        if urgent_only && urgent.is_empty() {
+            return (here, left, has_happened);
+        }
+        let is_wanted =
+            |connected: &&Connected| !connected.is_elsewhere && (!urgent_only || urgent.contains(&connected.view.id));
         for (id, machine) in &board.machines {
-            let connected = machine.connected.iter().filter(|connected| !connected.is_elsewhere);
+            let connected = machine.connected.iter().filter(is_wanted);
             here.extend(connected.map(|connected| (id.clone(), connected.view.clone())));
         }
-        (here, left)
+        (here, left, has_happened)
     }
 }

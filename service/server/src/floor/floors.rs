@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use feedwave_contract::proto::{Availability, MachineState};
 use feedwave_store::Tenant;
+use tokio::sync::Notify;
 
 use super::Floor;
 
@@ -18,8 +19,8 @@ struct Stored {
 #[derive(Debug, Default)]
 struct Inner {
     machines: BTreeMap<String, Stored>,
-    /// Whether other replicas are to be told of runs.
-    is_shared: bool,
+    /// Rung where other replicas are to be told of runs at once; `None` where there are none.
+    bell: Option<Arc<Notify>>,
     floors: BTreeMap<Tenant, Floor>,
 }
 
@@ -42,8 +43,8 @@ impl Floors {
         }
         inner.floors.retain(|_, floor| !floor.is_blank());
         let floor = Floor::new();
-        if inner.is_shared {
-            floor.share();
+        if let Some(bell) = &inner.bell {
+            floor.share(bell.clone());
         }
         for (id, stored) in &inner.machines {
             floor.put_machine(id, &stored.etag, &stored.display_name);
@@ -62,13 +63,15 @@ impl Floors {
         self.inner().floors.iter().map(|(tenant, floor)| (*tenant, floor.clone())).collect()
     }
 
-    /// From now on, other replicas are to be told of runs.
-    pub(super) fn share(&self) {
+    /// From now on, other replicas are to be told of runs; of some at once, when this rings.
+    pub(super) fn share(&self) -> Arc<Notify> {
+        let bell = Arc::new(Notify::new());
         let mut inner = self.inner();
-        inner.is_shared = true;
+        inner.bell = Some(bell.clone());
         for floor in inner.floors.values() {
-            floor.share();
+            floor.share(bell.clone());
         }
+        bell
     }
 
     /// Versions of the machines in the store, as far as they are known, by identifier.

@@ -51,6 +51,8 @@ pub(crate) struct Presence {
     is_changed: bool,
     /// The floor is to be told at once.
     is_urgent: bool,
+    /// So are other replicas.
+    has_happened: bool,
     told_at: Instant,
 }
 
@@ -190,6 +192,7 @@ impl Floor {
             planned_s: summary.duration_s,
             is_changed: false,
             is_urgent: false,
+            has_happened: false,
             told_at: Instant::now(),
         })
     }
@@ -217,6 +220,7 @@ impl Presence {
         }
         let logged = std::mem::take(&mut self.logged);
         self.ticket = Some(self.floor.connect(&self.machine_id, self.view.clone(), logged, false));
+        self.floor.ring(self.view.id);
         self.told_at = Instant::now();
     }
 
@@ -226,7 +230,7 @@ impl Presence {
         if activity.execution() != execution {
             activity.set_execution(execution);
             activity.execution_time = Some(now());
-            self.is_urgent = true;
+            self.happen();
         }
     }
 
@@ -250,7 +254,7 @@ impl Presence {
             if !matches!(self.execution(), Execution::Stopped | Execution::Finished) {
                 self.set_execution(Execution::Interrupted);
             }
-            self.is_urgent = true;
+            self.happen();
         }
     }
 
@@ -270,6 +274,12 @@ impl Presence {
             progress.remaining_s = None;
         }
         self.alarms.rest();
+    }
+
+    /// Something happened that everybody is to be told of at once.
+    const fn happen(&mut self) {
+        self.is_urgent = true;
+        self.has_happened = true;
     }
 
     /// Something of the run has changed that can wait to be told.
@@ -293,7 +303,9 @@ impl Presence {
     /// Telemetry came.
     pub(crate) fn heard(&mut self) {
         self.is_changed = true;
-        self.is_urgent |= self.alarms.heard();
+        if self.alarms.heard() {
+            self.happen();
+        }
     }
 
     /// Decisions became durable.
@@ -318,6 +330,7 @@ impl Presence {
             activity.last_decision = Some(brief);
             if outcome.reason() == DecisionReason::AboveLimitAtBound {
                 self.raise(decision, outcome.action());
+                self.has_happened = true;
             }
             self.is_urgent = true;
         }
@@ -383,6 +396,9 @@ impl Presence {
         self.view.activity.update_time = Some(now());
         if let Some(ticket) = self.ticket {
             self.floor.update(&self.machine_id, ticket, &self.view);
+            if std::mem::take(&mut self.has_happened) {
+                self.floor.ring(self.view.id);
+            }
         }
     }
 

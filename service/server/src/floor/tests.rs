@@ -458,22 +458,22 @@ async fn a_job_that_is_cancelled_stops_its_interrupted_run() {
 fn what_is_heard_late_of_an_earlier_stream_changes_no_end() {
     let floor = Floor::new();
     floor.put_machine("lathe", "1", "");
-    floor.share();
+    floor.share(Arc::default());
     // A stream at another replica, which breaks; the run goes on here, and ends.
     let mut other = presence(&floor, 10, 1);
     other.connect();
     other.leave(None);
-    let (_, mut left) = floor.of_this_replica();
+    let (_, mut left, _) = floor.of_this_replica(false);
     let (_, interrupted) = left.pop().unwrap();
     let elsewhere = floor.connect("lathe", interrupted.clone(), Vec::new(), true);
     let mut here = presence(&floor, 10, 1);
     here.connect();
-    assert_eq!(floor.of_this_replica().0.len(), 1, "only what is connected here is told");
+    assert_eq!(floor.of_this_replica(false).0.len(), 1, "only what is connected here is told");
     here.end(RunState::Finished);
     here.leave(None);
     floor.disconnect("lathe", elsewhere, Some(interrupted.clone()));
     floor.come_and_gone("lathe", interrupted, Vec::new());
-    let (_, left) = floor.of_this_replica();
+    let (_, left, _) = floor.of_this_replica(false);
     assert_eq!(left.len(), 1, "the end is told");
     floor.come_and_gone("lathe", left[0].1.clone(), Vec::new());
     let state = lathe(&floor);

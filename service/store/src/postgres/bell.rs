@@ -20,6 +20,8 @@ use crate::error::{Result, StoreError};
 
 /// The channel of the notifications.
 const CHANNEL: &str = "feedwave";
+/// That of what replicas tell each other of runs; who rang is said with it.
+pub(super) const PRESENCES: &str = "feedwave_presences";
 
 /// How often the logs are looked at without a bell, which also says what the time is.
 const PERIOD: Duration = Duration::from_millis(100);
@@ -158,16 +160,24 @@ async fn hear(shared: &Shared, heard: &Notify) -> Result<()> {
     let pool = options.connect_lazy_with(PgConnectOptions::clone(&shared.options));
     let mut listener = PgListener::connect_with(&pool).await?;
     listener.ignore_pool_close_event(true);
-    let listened = async { Ok(listener.listen(CHANNEL).await?) };
+    let listened = async { Ok(listener.listen_all([CHANNEL, PRESENCES]).await?) };
     shared.silence.answered(TRIVIAL, listened).await?;
     loop {
-        tokio::select! {
-            // Also when the connection was lost and is there again: what rang meanwhile was not heard.
-            result = listener.try_recv() => drop(result?),
+        let rung = tokio::select! {
+            result = listener.try_recv() => result?,
             // This one may be silent as well, and nothing is to be asked of it.
             () = shared.silence.broken() => return Ok(()),
+        };
+        match rung {
+            Some(rung) if rung.channel() == CHANNEL => heard.notify_one(),
+            Some(rung) if rung.payload() == shared.replica => {}
+            Some(_) => shared.announcer.ring_presences(),
+            // The connection was lost and is there again: what rang meanwhile was not heard.
+            None => {
+                heard.notify_one();
+                shared.announcer.ring_presences();
+            }
         }
-        heard.notify_one();
     }
 }
 

@@ -243,7 +243,8 @@ impl Jobs for PostgresStore {
             sql.push(" AND job_id = ").push_bind(id.to_string());
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(i64::from(limit.min(MAX_EVENTS)));
-        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
+        let is_shared = *filter == EventFilter::default();
+        let rows = sql.build().fetch_all(&mut self.log_reader(is_shared).await?).await?;
         rows.iter().map(event).collect()
     }
 

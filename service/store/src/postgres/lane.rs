@@ -11,6 +11,7 @@ use sqlx::postgres::PgConnectOptions;
 use sqlx::{AssertSqlSafe, Connection as _, PgConnection};
 use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
+use uuid::Uuid;
 
 use super::PostgresOptions;
 use super::clock::Clock;
@@ -60,6 +61,8 @@ pub(super) struct Newest {
 pub(super) struct Announcer {
     decision: watch::Sender<i64>,
     event: watch::Sender<i64>,
+    /// Counts how often other replicas rang for their presences.
+    presence: watch::Sender<u64>,
 }
 
 impl Announcer {
@@ -72,6 +75,15 @@ impl Announcer {
                 newer
             });
         }
+    }
+
+    /// Tells that another replica rang for its presences, or may have.
+    pub(super) fn ring_presences(&self) {
+        self.presence.send_modify(|rung| *rung += 1);
+    }
+
+    pub(super) fn presences(&self) -> watch::Receiver<u64> {
+        self.presence.subscribe()
     }
 
     pub(super) fn decisions(&self) -> watch::Receiver<i64> {
@@ -132,6 +144,8 @@ pub(super) struct Shared {
     /// Told when there is something new in a log that other replicas follow.
     pub(super) ring: Notify,
     pub(super) silence: Silence,
+    /// Names this process among all that ever had the database.
+    pub(super) replica: String,
     observer: Arc<dyn Observer>,
     pub(super) options: PgConnectOptions,
     /// How long the server may be away.
@@ -149,7 +163,12 @@ impl Shared {
     ) -> Result<Self> {
         Ok(Self {
             clock: Arc::new(clock),
-            announcer: Announcer { decision: watch::channel(newest.decision).0, event: watch::channel(newest.event).0 },
+            announcer: Announcer {
+                decision: watch::Sender::new(newest.decision),
+                event: watch::Sender::new(newest.event),
+                presence: watch::Sender::new(0),
+            },
+            replica: format!("{}#{}", settings.replica_name, Uuid::now_v7()),
             counts: Counts::default(),
             ring: Notify::new(),
             silence,

@@ -55,17 +55,19 @@ struct Idle {
 }
 
 impl Pool {
+    /// One of at most so many connections.
+    ///
     /// # Errors
     /// `CannotOpen`.
-    pub(super) fn new(options: &PostgresOptions, silence: Silence) -> Result<Self> {
+    pub(super) fn new(options: &PostgresOptions, connections: u32, silence: Silence) -> Result<Self> {
         Ok(Self {
             inner: Arc::new(Inner {
                 target: options.bounded()?,
-                connections: options.connections,
+                connections,
                 patience: options.connect_timeout,
                 limit: options.answer_limit(),
                 silence,
-                turns: Arc::new(Semaphore::new(options.connections as usize)),
+                turns: Arc::new(Semaphore::new(connections as usize)),
                 closed: AtomicBool::new(false),
                 idle: Mutex::default(),
             }),

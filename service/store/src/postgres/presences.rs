@@ -5,9 +5,11 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use sqlx::{PgConnection, Postgres, QueryBuilder};
+use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::PostgresStore;
+use super::bell::PRESENCES;
 use crate::error::{Result, check_size};
 use crate::presences::{Presence, Presences, ToldPresence};
 use crate::sql::documents::{MACHINES_MARK, machines_mark};
@@ -21,7 +23,13 @@ const KEPT_US: i64 = 60_000_000;
 const ROWS: usize = 500;
 
 /// Writes what a replica tells.
-async fn tell(connection: &mut PgConnection, replica: &str, told: &[Presence], gone: &[Uuid]) -> Result<()> {
+async fn tell(
+    connection: &mut PgConnection,
+    replica: &str,
+    told: &[Presence],
+    gone: &[Uuid],
+    rings: bool,
+) -> Result<()> {
     for told in told.chunks(ROWS) {
         let mut sql = QueryBuilder::<Postgres>::new(
             "INSERT INTO presences (replica, run_id, tenant, sequence, is_connected, body, told_us) ",
@@ -53,7 +61,10 @@ async fn tell(connection: &mut PgConnection, replica: &str, told: &[Presence], g
     }
     let mut sql = QueryBuilder::<Postgres>::new("DELETE FROM presences WHERE told_us < ");
     sql.push(NOW_US).push(" - ").push_bind(KEPT_US);
-    sql.build().execute(connection).await?;
+    sql.build().execute(&mut *connection).await?;
+    if rings {
+        sqlx::query("SELECT pg_notify($1, $2)").bind(PRESENCES).bind(replica).execute(connection).await?;
+    }
     Ok(())
 }
 
@@ -79,18 +90,22 @@ impl PostgresStore {
 
 #[async_trait]
 impl Presences for PostgresStore {
-    async fn tell_presences(&self, told: Vec<Presence>, gone: Vec<Uuid>) -> Result<()> {
+    async fn tell_presences(&self, told: Vec<Presence>, gone: Vec<Uuid>, rings: bool) -> Result<()> {
         let limit = self.settings().max_document_bytes;
         for presence in &told {
             check_size("presence size in bytes", presence.body.len(), limit)?;
         }
         let payload = told.iter().map(|presence| presence.body.len()).sum();
-        let (replica, told) = (self.inner.replica.clone(), Arc::new((told, gone)));
+        let (replica, told) = (self.inner.shared.replica.clone(), Arc::new((told, gone)));
         self.write(payload, move |connection| {
             let (replica, told) = (replica.clone(), told.clone());
-            Box::pin(async move { tell(connection, &replica, &told.0, &told.1).await })
+            Box::pin(async move { tell(connection, &replica, &told.0, &told.1, rings).await })
         })
         .await
+    }
+
+    fn watch_presences(&self) -> watch::Receiver<u64> {
+        self.inner.shared.announcer.presences()
     }
 
     async fn presences(&self, window: Duration) -> Result<Vec<ToldPresence>> {
@@ -101,7 +116,7 @@ impl Presences for PostgresStore {
                    FROM presences WHERE replica <> $1) AS told
              ORDER BY told_us, replica, run_id",
         )
-        .bind(&self.inner.replica)
+        .bind(&self.inner.shared.replica)
         .bind(window_us)
         .fetch_all(&mut self.reader().await?)
         .await?;

@@ -99,7 +99,7 @@ impl PostgresStore {
 
     async fn write_probe(&self, ballast_bytes: usize) -> Result<()> {
         for bytes in [ballast_bytes, 0] {
-            let (replica, now_us) = (self.inner.replica.clone(), self.clock().now_us());
+            let (replica, now_us) = (self.inner.shared.replica.clone(), self.clock().now_us());
             self.write_alone(move |connection| {
                 let replica = replica.clone();
                 Box::pin(async move {

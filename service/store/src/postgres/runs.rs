@@ -363,7 +363,8 @@ impl Runs for PostgresStore {
             sql.push(" AND job_id = ").push_bind(id.to_string());
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(i64::from(limit.min(MAX_DECISIONS)));
-        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
+        let is_shared = *filter == DecisionFilter::default();
+        let rows = sql.build().fetch_all(&mut self.log_reader(is_shared).await?).await?;
         rows.iter().map(decision).collect()
     }
 

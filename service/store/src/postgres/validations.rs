@@ -58,7 +58,7 @@ impl Validations for PostgresStore {
     }
 
     async fn renew_validation(&self, id: Uuid) -> Result<bool> {
-        let (owner, until_us) = (self.inner.replica.clone(), self.clock().now_us() + LEASE_US);
+        let (owner, until_us) = (self.inner.shared.replica.clone(), self.clock().now_us() + LEASE_US);
         self.write(0, move |connection| {
             let owner = owner.clone();
             Box::pin(async move {
@@ -78,14 +78,14 @@ impl Validations for PostgresStore {
     }
 
     async fn begin_validation(&self, id: Uuid, max_attempts: u32) -> Result<Attempt> {
-        let owner = self.inner.replica.clone();
+        let owner = self.inner.shared.replica.clone();
         self.write_event(0, move |tx| Box::pin(begin(tx, id, max_attempts, owner.clone()))).await
     }
 
     async fn end_validation(&self, id: Uuid, to: JobState, detail: &str, report: Option<NewReport>) -> Result<Job> {
         let report = packed(detail, report, self.settings()).await?.map(Arc::new);
         let payload = report.as_ref().map_or(0, |report| report.report.len());
-        let (owner, detail) = (self.inner.replica.clone(), detail.to_owned());
+        let (owner, detail) = (self.inner.shared.replica.clone(), detail.to_owned());
         self.write_event(payload, move |tx| {
             let (owner, detail, report) = (Some(owner.clone()), detail.clone(), report.clone());
             Box::pin(change(tx, id, (WAITING.to_vec(), owner), to, detail, report))
@@ -94,7 +94,7 @@ impl Validations for PostgresStore {
     }
 
     async fn return_attempt(&self, id: Uuid) -> Result<()> {
-        let owner = self.inner.replica.clone();
+        let owner = self.inner.shared.replica.clone();
         self.write(0, move |connection| {
             let owner = owner.clone();
             Box::pin(async move {

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use async_trait::async_trait;
+use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::SqliteStore;
@@ -12,8 +13,12 @@ use crate::sql::documents::{MACHINES_MARK, machines_mark};
 
 #[async_trait]
 impl Presences for SqliteStore {
-    async fn tell_presences(&self, _told: Vec<Presence>, _gone: Vec<Uuid>) -> Result<()> {
+    async fn tell_presences(&self, _told: Vec<Presence>, _gone: Vec<Uuid>, _rings: bool) -> Result<()> {
         Ok(())
+    }
+
+    fn watch_presences(&self) -> watch::Receiver<u64> {
+        watch::Sender::new(0).subscribe()
     }
 
     async fn presences(&self, _window: Duration) -> Result<Vec<ToldPresence>> {
