@@ -10,7 +10,8 @@
 //! window by more than the answer takes. Each machine's windows end at another time.
 //!
 //! With `--lookers 500` the question is another one: what those who look on cost. In each of `--rounds` the service is
-//! measured without and with them, one after the other.
+//! measured without and with them, one after the other. They stand for other hosts, so they have the processor after all others:
+//! what they take from the machines is what the service does for them.
 //!
 //! The bar is 5 ms for 99 of 100 decisions on two cores, clients included; on a larger machine run it under
 //! `taskset -c 0,1`. `cargo bench -p feedwave --bench decisions -- --help` has the settings.
@@ -285,6 +286,10 @@ fn cores(process: &Process, options: &Options) -> String {
 
 fn main() {
     let options = Options::parse();
+    if options.look.is_some() {
+        // Before there are threads, so that all have it.
+        rustix::process::nice(19).expect("a lower priority");
+    }
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
     let runtime = runtime.expect("a runtime");
     if let Some(address) = &options.look {

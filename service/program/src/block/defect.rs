@@ -144,16 +144,22 @@ impl Block {
         });
     }
 
-    /// An O behind other words: a program number is the first word of its block. Directly behind a digit it is a zero.
-    #[cold]
-    pub(super) fn report_misplaced_o(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+    /// The word that an O directly behind its digits belongs to, with a zero in its place.
+    fn zero_written_as_o(line: &[u8], token: Token) -> Option<Stretch> {
         let (at, end) = (token.start as usize, token.end as usize);
         let number = line[..at].iter().rev().take_while(|byte| byte.is_ascii_digit() || b".+-".contains(byte)).count();
         let letter = (at - number).checked_sub(1).filter(|&letter| line[letter].is_ascii_alphabetic());
-        if let Some(start) = letter.filter(|_| number > 0 && line[at].eq_ignore_ascii_case(&b'O')) {
-            let mut text = String::from_utf8_lossy(&line[start..end]).into_owned();
-            text.replace_range(at - start..=at - start, "0");
-            return self.report_lookalike(line, &Stretch { start, end, text, is_certain: true }, findings);
+        let start = letter.filter(|_| number > 0 && line[at].eq_ignore_ascii_case(&b'O'))?;
+        let mut text = String::from_utf8_lossy(&line[start..end]).into_owned();
+        text.replace_range(at - start..=at - start, "0");
+        Some(Stretch { start, end, text, is_certain: true })
+    }
+
+    /// An O behind other words: a program number is the first word of its block. Directly behind a digit it is a zero.
+    #[cold]
+    pub(super) fn report_misplaced_o(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        if let Some(stretch) = Self::zero_written_as_o(line, token) {
+            return self.report_lookalike(line, &stretch, findings);
         }
         self.defect(code::CHARACTER, token, findings, |mut finding| {
             "O is behind other words: a program number is the first word of its block".clone_into(&mut finding.message);
@@ -164,6 +170,11 @@ impl Block {
     /// Everything that is neither a word nor a comment.
     #[cold]
     pub(super) fn report_defect(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        if let TokenKind::LoneLetter = token.kind
+            && let Some(stretch) = Self::zero_written_as_o(line, token)
+        {
+            return self.report_lookalike(line, &stretch, findings);
+        }
         let (start, end) = (token.start as usize, token.end as usize);
         // A few letters may be a code that is misspelt, as in GO; more are text.
         let is_typing_error = token.kind == TokenKind::Text && end - start <= 3;

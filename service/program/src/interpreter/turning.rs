@@ -68,11 +68,19 @@ impl Execution<'_> {
             return;
         }
         if self.state.plane != Plane::Zx {
+            // Some posts write the units of other controls.
+            let of_cycle = b"PQUWRDI".iter().fold(0, |mask, &letter| mask | letter_bit(letter));
+            let unit = match cycle {
+                _ if self.block.letters & of_cycle != 0 => None,
+                TurningCycle::Finish => Some("for inches write G20; for the cycle select the plane before, G18"),
+                TurningCycle::Turn(_) => Some("for millimetres write G21; for the cycle select the plane before, G18"),
+                _ => None,
+            };
             self.used = u32::MAX;
             return self.turning_finding(
                 code::TURNING_FORM,
                 "a turning cycle needs the plane of Z and X",
-                "select it before, G18",
+                unit.unwrap_or("select it before, G18"),
             );
         }
         match cycle {

@@ -58,6 +58,8 @@ fn a_letter_o_in_a_number_is_a_zero_and_begins_no_program() {
             ("M3 S5O0", "M3 S500"),
             ("G1 X1O5 F100", "G1 X105 F100"),
             ("G94 G1 X10 F1O0", "G94 G1 X10 F100"),
+            ("G94 G1 X10 F1O", "G94 G1 X10 F10"),
+            ("G94 G1 X10 F1o Y2", "G94 G1 X10 F10 Y2"),
             ("G1 X-1.o5 F100", "G1 X-1.05 F100"),
         ] {
             let program = format!("{written}\nM30");

@@ -77,6 +77,19 @@ fn starts_words_and_limits() {
 }
 
 #[test]
+fn units_of_other_controls_are_told_from_cycles() {
+    let cure = |program: &str| {
+        let (_, findings) = interpret(program.as_bytes(), linuxcnc());
+        let finding = &findings.findings()[0];
+        assert_eq!(finding.code, "PRG-TURNING-FORM", "{program}");
+        finding.suggestions[0].message.clone()
+    };
+    assert!(cure("G17 G90 G71\nM2").starts_with("for millimetres write G21;"));
+    assert!(cure("G17 G70\nM2").starts_with("for inches write G20;"));
+    assert_eq!(cure("G17\nG71 Q100 I2\nM2"), "select it before, G18");
+}
+
+#[test]
 fn pockets_leave_no_allowance_along_the_passes() {
     let contour = "N10 G0 X20. W0\nG1 Z-10.\nX16. Z-15.\nN20 X50. Z-30.";
     refused(
