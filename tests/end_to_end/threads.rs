@@ -1,6 +1,7 @@
 //! Threads turned with vibration: planned, judged, streamed and followed, all through the built binary.
 
 mod following;
+mod tilted;
 
 use feedwave_contract::proto::plan_thread_request::{Advance, On};
 use feedwave_contract::proto::validate_program_request::On as ValidateOn;

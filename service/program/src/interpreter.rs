@@ -40,8 +40,8 @@ use crate::finding::FindingMark;
 use crate::foreign;
 use crate::state::Phase;
 use crate::{
-    Compensator, Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Place, SourceSpan,
-    ToolOffset,
+    Compensator, Finding, FindingLog, Function, InterpreterState, LanguageSettings, Operation, OperationKind, Place,
+    SourceSpan, ToolOffset,
 };
 
 use corner::Corner;
@@ -446,6 +446,9 @@ impl Interpreter {
             }
             if on {
                 self.state.functions_refused.set(function, is_refused);
+                if function == Function::ThreadVibration {
+                    self.state.thread.work_is_elsewhere = false;
+                }
             }
         }
     }

@@ -125,11 +125,11 @@ pub struct ThreadMove {
     pub spindle: Spindle,
     /// Tool number while this block runs, 0 before the first `T`.
     pub tool: u32,
-    /// The tilted plane whose coordinates start and end are in, instead of work coordinates; only taps have one.
+    /// The tilted plane whose coordinates start and end are in, instead of work coordinates: X and Z are the plane's.
     pub plane: Option<Box<ThreadPlane>>,
 }
 
-/// The tilted plane of a tap.
+/// The tilted plane of a thread or a tap.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ThreadPlane {
     /// The plane.

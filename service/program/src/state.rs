@@ -260,6 +260,8 @@ pub(crate) struct ThreadModes {
     pub(crate) taper_mm: f64,
     /// What the first line of a `G76` of two lines has set, which other cycles take over.
     pub(crate) cycle: Option<CycleModes>,
+    /// A plane was tilted or cancelled since the vibration of threads was switched on: its work is stated in other coordinates.
+    pub(crate) work_is_elsewhere: bool,
 }
 
 /// Modal words of threading cycles, lengths in mm on the radius.

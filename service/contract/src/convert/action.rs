@@ -148,7 +148,7 @@ fn thread(pass: &ThreadMove, action: &mut proto::Action) -> ActionKind {
             kind: proto::ActionGuideKind::Plane.into(),
             length_offset: plane.length_offset,
             direction: None,
-            // The program places the linear axes of a tap; the rotary ones stay.
+            // The program places the linear axes of a thread or a tap; the rotary ones stay.
             held: Axis::ALL.into_iter().filter(|axis| axis.is_rotary()).map(Axis::letter).collect(),
         });
     }

@@ -35,6 +35,11 @@ impl ColumnMap {
         self.frame == Frame::Work
     }
 
+    /// Coordinates of the column.
+    pub(crate) const fn frame(&self) -> Frame {
+        self.frame
+    }
+
     pub(crate) fn value(self, work: f64, work_offset: &Position) -> f64 {
         self.sign * (work + self.offset_share * work_offset[self.axis.index()])
     }

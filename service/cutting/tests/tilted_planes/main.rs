@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod drilling;
+mod threads;
 
 use common::{Setpoints, resume, run, snapshots, validate};
 use feedwave_cutting::{Frame, MachineProfile, PipelineConfig, Tool};
@@ -226,7 +227,7 @@ proptest! {
 }
 
 /// Blocks that switch tool length, tool centre point control and planes, and moves between them, in any order.
-const WORDS: [&str; 21] = [
+const WORDS: [&str; 22] = [
     "G43 H1",
     "G49",
     "G43.4 H1",
@@ -248,6 +249,7 @@ const WORDS: [&str; 21] = [
     "G2 X3 Y4 I4 J1 A-15 F4000",
     "G0 X1 Y2 Z50 A-12 C5",
     "G94 M29 S500\nG84 X3 Y1 Z40 R45 F500\nG80",
+    "M3 S300\nG33 X4 Z30 F1.5\nM5",
 ];
 
 /// Where the rotary axes are in the end.

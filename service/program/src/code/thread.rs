@@ -70,6 +70,14 @@ crate::finding_codes! {
         example: lathe("M3 S500\nG32 Z-20 F1.5 A-0.2"),
     }
 
+    "PRG-THREAD-PLANE-WORK" [THREAD_PLANE_WORK: Error] {
+        meaning: "a vibrating thread whose work was stated in other coordinates",
+        cause: "The vibration of threads was switched on before a plane was tilted (`G68.2`) or cancelled (`G69`): the diameter or the face of the work \
+              that it states is one of the coordinates before.",
+        cure: "Switch it off, and on again in the coordinates of the thread; or write A0.0 for a pass without vibration.",
+        example: mill("M3 S300\nG165 P3 X10. Q1.2\nG68.2 X0 Y0 Z0 I0 J30 K0\nG0 X8 Y0 Z10\nG33 Z-5 F1.5\nG165 P0\nM30"),
+    }
+
     "PRG-THREAD-SURFACE-SPEED" [THREAD_SURFACE_SPEED: Error] {
         meaning: "a thread under constant surface speed",
         cause: "`G96` is in force: the speed would change with X, and passes would not meet in one groove.",

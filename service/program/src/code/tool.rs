@@ -116,7 +116,7 @@ crate::finding_codes! {
 
     "PRG-PLANE-BLOCK" [PLANE_BLOCK: Error] {
         meaning: "something that a tilted plane does not permit",
-        cause: "A word of a rotary axis without `G53`, a thread, `G44`, another work offset or a tool change in the plane; \
+        cause: "A word of a rotary axis without `G53`, `G44`, another work offset or a tool change in the plane; \
               a length of `G53.6` other than the one in force; a drilling cycle that is in force at `G68.2` or `G69`; `G53.1` in the block of `G68.2`.",
         cure: "Turn the tool axis with `G53.1` in a block of its own, and cancel the plane with `G69` before anything \
               else.",

@@ -69,6 +69,9 @@ fn thread(step: &ThreadMove) -> String {
         return format!("tap {ends} @{} {sense} {speed}{plane}", number(step.lead_mm));
     }
     let mut text = format!("thread {} -> {} @{}", place(&step.start), place(&step.end), number(step.lead_mm));
+    if let Some(plane) = &step.plane {
+        text.push_str(&format!(" plane H{}", plane.length_offset));
+    }
     let mut add = |name: &str, value: Option<f64>| {
         if let Some(value) = value {
             text.push_str(&format!(" {name}{}", number(value)));

@@ -19,8 +19,8 @@ use crate::consequence::JUDGED_BY;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
 use crate::{
-    Axis, DecimalPointRule, DialectName, Finding, MoveKind, OperationKind, Position, PullOut, ThreadEWord, ThreadKind,
-    ThreadMove,
+    Axis, DecimalPointRule, DialectName, Finding, Function, MoveKind, OperationKind, Position, PullOut, ThreadEWord,
+    ThreadKind, ThreadMove,
 };
 
 /// Leads of threads, mm: what common controls take.
@@ -316,6 +316,9 @@ impl Execution<'_> {
 
     /// Emits a pass from the present position and moves there, a pull-out included.
     fn cut_thread(&mut self, end: Position, cut: Cut) {
+        if cut.amplitude_mm != Some(0.0) && self.is_work_elsewhere() {
+            return;
+        }
         let step = ThreadMove {
             kind: ThreadKind::Turned,
             start: self.state.position,
@@ -330,13 +333,30 @@ impl Execution<'_> {
             included_angle_deg: cut.included_angle_deg,
             spindle: self.state.spindle(),
             tool: self.state.tool,
-            plane: None,
+            plane: self.thread_plane(),
         };
         self.emit(self.block.span(), OperationKind::Thread(Box::new(step)));
         self.state.position = end;
         if let Some(pull_out) = cut.pull_out {
             self.state.position[Axis::X.index()] += pull_out.retreat_mm;
         }
+    }
+
+    /// Whether the thread would vibrate away from a work whose surface is stated in other coordinates; it is then reported.
+    fn is_work_elsewhere(&mut self) -> bool {
+        let vibrates = self.state.functions_on.contains(Function::ThreadVibration);
+        if !(vibrates && self.state.thread.work_is_elsewhere) {
+            return false;
+        }
+        let span = self.block.span();
+        self.findings.push_with(code::THREAD_PLANE_WORK, |code| {
+            let message = "the thread vibrates away from a work whose surface was stated before a plane was tilted or cancelled: in the \
+                           present coordinates that is another one";
+            Finding::new(code, span, message)
+                .suggest("switch the vibration of threads off, and on again in the present coordinates")
+                .suggest("write A0.0 for a pass without vibration")
+        });
+        true
     }
 
     /// The present position with another X and Z.

@@ -5,12 +5,14 @@ mod forms;
 
 use self::forms::Form;
 use super::execute::Execution;
+use super::motion::Frame;
+use super::tool_control::ROTARY_LETTERS;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
-    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, TiltedPlane,
-    ToolAxisSolution, ToolGuide,
+    Axis, AxisSet, Feed, Finding, Function, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, ThreadPlane,
+    TiltedPlane, ToolAxisSolution, ToolGuide,
 };
 
 /// The words of `G68.2`.
@@ -116,6 +118,12 @@ impl Execution<'_> {
         let held = self.state.tool_control.held.with(AxisSet::LINEAR);
         self.state.tool_control = ToolControl { mode: ToolMode::Plane, on_line, held, ..ToolControl::default() };
         self.state.plane_tilted = plane;
+        self.note_work_of_threads();
+    }
+
+    /// The surface of the work that a vibration of threads in force has stated is one of the coordinates before.
+    fn note_work_of_threads(&mut self) {
+        self.state.thread.work_is_elsewhere |= self.state.functions_on.contains(Function::ThreadVibration);
     }
 
     /// Reports a plane of several blocks that this block does not go on with.
@@ -140,6 +148,7 @@ impl Execution<'_> {
         let held = self.state.tool_control.held.with(AxisSet::LINEAR);
         self.state.tool_control = ToolControl { held, ..ToolControl::default() };
         self.state.plane_tilted = None;
+        self.note_work_of_threads();
         self.state.length.offset[Axis::Z.index()] = self.state.length.length_mm;
         self.resolve_held();
         self.state.spline_exit = None;
@@ -196,6 +205,25 @@ impl Execution<'_> {
         guided.held = guided.held.with(AxisSet::LINEAR);
         guided.length_offset = length_offset;
         self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
+    }
+
+    /// A block while `G33` is in force in a tilted plane: a thread along lines of the plane.
+    pub(super) fn thread_in_plane(&mut self) {
+        let has_axes = self.block.letters & self.table.axis_letters & !self.used & !letter_bit(b'A') != 0;
+        if has_axes && !self.block.unclear && self.state.tool_control.held.meets(AxisSet::LINEAR) {
+            // Where it starts only the machine knows, so that neither its travel nor the axis of its lead is known.
+            self.state.position =
+                self.target(self.block.letters & self.table.axis_letters & !ROTARY_LETTERS, Frame::Work);
+            self.used = u32::MAX;
+            return self.held_start(self.block.span());
+        }
+        self.thread_motion();
+    }
+
+    /// The tilted plane in which a thread or a tap is cut.
+    pub(super) fn thread_plane(&self) -> Option<Box<ThreadPlane>> {
+        let length_offset = self.state.length.number;
+        self.state.plane_tilted.map(|plane| Box::new(ThreadPlane { plane, length_offset }))
     }
 
     /// A rapid or a cut of the axes themselves from within a tilted plane (`G53`, `G28`): to `end` in work coordinates in the

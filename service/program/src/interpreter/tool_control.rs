@@ -192,6 +192,9 @@ impl Execution<'_> {
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         let ToolControl { mode, held: held_before, direction: direction_before, .. } = self.state.tool_control;
         let (motion, used_before) = (self.state.motion, self.used);
+        if mode == ToolMode::Plane && motion == Motion::Thread && frame == Frame::Work {
+            return self.thread_in_plane();
+        }
         if self.is_contour_control(axes, motion_before) {
             return;
         }

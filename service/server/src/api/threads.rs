@@ -11,7 +11,7 @@ use feedwave_contract::proto::{
     FollowSpindleRequest, FollowSpindleResponse, FollowSpindleStart, FollowedPass, FollowedPositions,
     PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, SpindleAngles, SpindleEventKind, ValidationReport,
 };
-use feedwave_cutting::thread::{SpindleEvent, SpindleWatch, ThreadFollower, plan_thread};
+use feedwave_cutting::thread::{KeptPass, SpindleEvent, SpindleWatch, ThreadFollower, plan_thread};
 use feedwave_store::JobState;
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
@@ -167,7 +167,16 @@ impl Api {
         let pass = thread.passes.get(start.pass as usize);
         let pass = pass.ok_or_else(|| beyond("start.pass", start.pass, thread.passes.len()))?;
         // As it is planned, chamfers and parts included, which the thread of the report does not have.
-        let path = self.engine.thread_path(&detail, start.thread, start.pass).await?;
+        let KeptPass { path, in_plane } = self.engine.thread_pass(&detail, start.thread, start.pass).await?;
+        if in_plane {
+            let subject = names::job(id);
+            let message = format!(
+                "the pass in line {} is in a tilted plane: several axes make its X and Z, and this call gives positions of X and Z \
+                 only; take its setpoints, which have every axis",
+                pass.span.line
+            );
+            return Err(Error::Precondition { reason: "THREAD_IN_PLANE", subject, message });
+        }
         let profile = engine::job_config(&detail)?.profile;
         let default_deg = profile.thread_vibration.reference_angle_deg;
         let reference_angle_deg = start.reference_angle_deg.unwrap_or(default_deg);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use feedwave_cutting::thread::ThreadPath;
+use feedwave_cutting::thread::KeptPass;
 use feedwave_cutting::{MAX_SETPOINTS, Pipeline, PipelineConfig, Step};
 use feedwave_store::JobDetail;
 
@@ -11,13 +11,13 @@ use super::validation::CHECKPOINT_INTERVAL;
 use crate::error::{Error, Result};
 
 impl Engine {
-    /// The path of one pass of a stored job's thread: the program is planned up to it, from a checkpoint on. Both numbers
+    /// One pass of a stored job's thread: the program is planned up to it, from a checkpoint on. Both numbers
     /// count from 0, in the order of the report's threads and of their passes. Dropping the future ends the work.
     ///
     /// # Errors
     /// [`Error::Draining`] when the service ends first, those of the store, and [`Error::Internal`] where the program has no
     /// such pass.
-    pub async fn thread_path(&self, detail: &JobDetail, thread: u32, pass: u32) -> Result<ThreadPath> {
+    pub async fn thread_pass(&self, detail: &JobDetail, thread: u32, pass: u32) -> Result<KeptPass> {
         let config = Arc::new(super::job_config(detail)?);
         let source = self.job_source(detail)?;
         let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
@@ -30,8 +30,8 @@ impl Engine {
             let _held = place;
             let mut block = pipeline.new_block();
             loop {
-                if let Some(path) = pipeline.kept_path() {
-                    return Ok(path.clone());
+                if let Some(pass) = pipeline.kept_pass() {
+                    return Ok(pass.clone());
                 }
                 if token.is_cancelled() {
                     return Err(Error::Draining);
@@ -48,9 +48,9 @@ impl Engine {
                 }
             }
         });
-        let path = run.await.map_err(Error::internal)?;
+        let pass = run.await.map_err(Error::internal)?;
         drop(cancel_when_dropped);
-        path
+        pass
     }
 
     /// A pipeline that has not planned a pass yet, as near before it as a checkpoint allows: what is planned grows with the

@@ -20,13 +20,18 @@ impl Builder {
         findings: &mut FindingLog,
     ) -> Option<Guided> {
         let Some(guide) = &self.guide else {
-            if self.state.guide.is_first_refusal(guided.length_offset) {
-                findings.push(no_kinematics(span));
-            }
+            self.refuse_guided(guided, span, findings);
             return None;
         };
         let chosen = self.chosen.take();
         guide.carry_out(guided, span, chosen, &mut self.state.guide, &config.guide_inputs(), findings)
+    }
+
+    /// Reports a guided tool on a machine without kinematics, once.
+    pub(super) fn refuse_guided(&mut self, guided: &GuidedMove, span: SourceSpan, findings: &mut FindingLog) {
+        if self.state.guide.is_first_refusal(guided.length_offset) {
+            findings.push(no_kinematics(span));
+        }
     }
 
     /// A move of a guided tool.

@@ -2,7 +2,7 @@
 
 use feedwave_motion::{Element, Planner};
 use feedwave_program::{
-    Axis, AxisSet, Finding, FindingLog, GuidedMove, Move, SourceSpan, ThreadKind, ThreadMove, ToolGuide,
+    Axis, AxisSet, Finding, FindingLog, GuidedMove, Move, SourceSpan, ThreadKind, ThreadMove, ThreadPlane, ToolGuide,
 };
 
 use super::Builder;
@@ -10,7 +10,8 @@ use crate::code;
 use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
 use crate::functions::five_axis::Guided;
-use crate::functions::thread::{Pass, WaitingPass, straight};
+use crate::functions::thread::{KeptPass, Pass, WaitingPass, straight};
+use crate::shared::plane_frame::PlaneFrame;
 
 impl Builder {
     /// Whether a rapid waits for a thread that may follow.
@@ -34,7 +35,32 @@ impl Builder {
         if self.state.functions.threads.ends_pass(mv) {
             self.flush_threads(config, planner, findings);
         }
-        self.state.functions.threads.add_block(mv, span, findings);
+        let frame = match &mv.plane {
+            None => None,
+            Some(plane) => match self.thread_in_plane(mv, plane, span, config, findings) {
+                Some(frame) => Some(Box::new(frame)),
+                None => return,
+            },
+        };
+        self.state.functions.threads.add_block(mv, frame, span, findings);
+    }
+
+    /// Leads the tool along a block of a thread in a tilted plane; nothing after a finding.
+    fn thread_in_plane(
+        &mut self,
+        mv: &ThreadMove,
+        plane: &ThreadPlane,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) -> Option<PlaneFrame> {
+        let guided = in_plane(mv, plane);
+        let Some(guide) = &self.guide else {
+            self.refuse_guided(&guided, span, findings);
+            return None;
+        };
+        let ends = [&mv.start, &mv.end].map(|place| [Axis::X, Axis::Z].map(|axis| place[axis.index()]));
+        guide.thread_in_plane(&guided, ends, span, &mut self.state.guide, &config.guide_inputs(), findings)
     }
 
     /// A stroke of a rigid tap.
@@ -74,24 +100,14 @@ impl Builder {
         config: &PipelineConfig,
         findings: &mut FindingLog,
     ) -> Option<Element> {
-        let step = straight(stroke);
         let Some(plane) = &stroke.plane else {
+            let step = straight(stroke);
             if self.guide.is_some() {
                 self.state.guide.moved(&step);
             }
             return Element::from_move(&step, span);
         };
-        let guided = GuidedMove {
-            step,
-            guide: ToolGuide::Plane,
-            // The program says where the linear axes are; the rotary ones stay where G53.1 has turned them, which only the
-            // machine knows.
-            held: AxisSet::ROTARY,
-            length_offset: plane.length_offset,
-            plane: Some(plane.plane),
-            is_pure_cut: false,
-        };
-        match self.follow(&guided, span, config, findings)? {
+        match self.follow(&in_plane(stroke, plane), span, config, findings)? {
             Guided::Elements(motion) => motion.elements.into_iter().next(),
             Guided::Axes(_) => None,
         }
@@ -120,11 +136,14 @@ impl Builder {
         let threads = &self.state.functions.threads;
         let Some(run) = threads.run(&pass, &blocks, !combines, &inputs, analysis, findings) else { return };
         self.state.radius_mm = last.end()[Axis::X.index()];
+        if self.guide.is_some() && last.frame.is_none() {
+            self.state.guide.moved(&Move { end: last.end(), ..straight(&last.mv) });
+        }
         let (thread, passes) = threads.next_pass();
         if let Some(wanted) =
             self.wanted_pass.as_mut().filter(|wanted| wanted.place == (thread, passes.wrapping_sub(1)))
         {
-            wanted.path.get_or_insert_with(|| run.path.clone());
+            wanted.pass.get_or_insert_with(|| KeptPass { path: run.path.clone(), in_plane: run.frame.is_some() });
         }
         if let Some(analysis) = &mut self.analysis {
             analysis.moves += blocks.len() as u64;
@@ -151,6 +170,20 @@ impl Builder {
         }
         let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
         self.state.functions.threads.pass(first, path, &config.thread_inputs(), analysis, findings)
+    }
+}
+
+/// A block of a thread or a tap in a tilted plane as a cut.
+fn in_plane(mv: &ThreadMove, plane: &ThreadPlane) -> GuidedMove {
+    GuidedMove {
+        step: straight(mv),
+        guide: ToolGuide::Plane,
+        // The program says where the linear axes are; the rotary ones stay where G53.1 has turned them, which only the machine
+        // knows.
+        held: AxisSet::ROTARY,
+        length_offset: plane.length_offset,
+        plane: Some(plane.plane),
+        is_pure_cut: false,
     }
 }
 

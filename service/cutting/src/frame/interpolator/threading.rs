@@ -52,8 +52,8 @@ impl Interpolator {
 
     pub(super) fn leave_thread(&mut self) {
         if let Some(run) = self.thread() {
-            let rest =
-                Rest { position: run.end, work_offset: run.work_offset, line: self.thread_end_line(), tool: None };
+            let tool = run.frame.as_ref().map(|frame| (frame.end().tip_mm, *frame.setup()));
+            let rest = Rest { position: run.end, work_offset: run.work_offset, line: self.thread_end_line(), tool };
             let length_mm = run.path.length_mm();
             self.state.path_base_mm += length_mm;
             self.state.rest = rest;
@@ -114,6 +114,10 @@ impl Interpolator {
         }
         let scratch = self.scratch.functions.thread.get_or_insert_with(ThreadScratch::new);
         run.fill(&self.settings.columns, angles_deg, *path_base_mm, scratch, block, start);
+        if let Some(tool) = &self.settings.tool {
+            let setup = run.frame.as_ref().map(|frame| frame.setup());
+            tool.fill(block, start..block.len(), &run.work_offset, setup);
+        }
     }
 }
 

@@ -23,7 +23,7 @@ use crate::frame::timed::TimedPlans;
 use crate::functions::five_axis::Guide;
 use crate::functions::path_vibration::GenerationMode;
 use crate::functions::thinning::{StageState, ThinningStage};
-use crate::functions::thread::{ThreadPath, WantedPass};
+use crate::functions::thread::{KeptPass, WantedPass};
 use crate::shared::setpoint::{BLOCK_LENGTH, Frame, SetpointBlock};
 
 pub use overrides::AppendError;
@@ -39,7 +39,7 @@ pub use config::{
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 39;
+const SNAPSHOT_VERSION: u8 = 40;
 
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -238,14 +238,14 @@ impl Pipeline {
     /// their passes. It must not have been planned yet ([`Pipeline::next_thread_pass`]).
     #[must_use]
     pub fn keeping_path(mut self, thread: u64, pass: usize) -> Self {
-        self.builder.wanted_pass = Some(WantedPass { place: (thread, pass), path: None });
+        self.builder.wanted_pass = Some(WantedPass { place: (thread, pass), pass: None });
         self
     }
 
-    /// The path that is kept, as soon as its pass is planned, which is before its setpoints come.
+    /// The pass whose path is kept, as soon as it is planned, which is before its setpoints come.
     #[must_use]
-    pub fn kept_path(&self) -> Option<&ThreadPath> {
-        self.builder.wanted_pass.as_ref()?.path.as_ref()
+    pub fn kept_pass(&self) -> Option<&KeptPass> {
+        self.builder.wanted_pass.as_ref()?.pass.as_ref()
     }
 
     /// Thread and number, counted from 0, of the first pass that was not planned yet, where it belongs to the last thread; it

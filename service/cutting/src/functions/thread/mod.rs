@@ -6,6 +6,7 @@
 
 mod chip;
 pub(crate) mod code;
+mod driven;
 mod findings;
 mod follower;
 mod following;
@@ -45,6 +46,7 @@ pub use report::{
 };
 pub use run_up::RunUp;
 pub use settings::ThreadVibrationSettings;
+pub use state::KeptPass;
 pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass, WantedPass};
 pub(crate) use superposition::{ThreadRun, ThreadScratch};
 pub(crate) use tap::{TapRun, straight};

@@ -1,15 +1,18 @@
 //! A thread of the program while its passes come in: which passes belong to it, and its judgement at the end.
 
-use feedwave_program::{Axis, Finding, FindingLog, SpindleDirection};
+use feedwave_motion::PathLimits;
+use feedwave_program::{Axis, Finding, FindingLog, SpindleDirection, TiltedPlane};
 use serde::{Deserialize, Serialize};
 
 use super::code;
-use super::pass::{PassPath, TAPER_SHARE, ThreadBlock, axis_limits};
+use super::driven::driven_axes;
+use super::pass::{PassPath, ThreadBlock, axis_limits};
 use super::state::{Mode, ThreadInputs};
 use super::{
-    GrooveProfile, MAX_THREAD_PASSES, PathVibration, SpindleRotation, ThreadDrives, ThreadGeometry, ThreadJob,
-    ThreadLimits, ThreadPass, ThreadSectionReport, ThreadSide, judge_thread,
+    GrooveProfile, LeadAxis, MAX_THREAD_PASSES, PathVibration, SpindleRotation, ThreadDrives, ThreadGeometry,
+    ThreadJob, ThreadLimits, ThreadPass, ThreadSectionReport, ThreadSide, judge_thread,
 };
+use crate::shared::plane_frame::PlaneFrame;
 
 /// Lengths, leads and tapers that differ by less are the same.
 const SAME: f64 = 1e-6;
@@ -26,6 +29,9 @@ pub(super) struct OpenThread {
     pub(super) job: ThreadJob,
     tool: u32,
     work_offset: [f64; 2],
+    /// The tilted plane that it is in, and how the axes move there.
+    plane: Option<TiltedPlane>,
+    frame: Option<Box<PlaneFrame>>,
     /// Whether the axis across the lead moves in any pass, beside what it vibrates.
     pub(super) moves_across: bool,
     pub(super) last_line: u32,
@@ -71,7 +77,9 @@ impl OpenThread {
             passes: Vec::new(),
         };
         let work_offset = [mv.work_offset[X], mv.work_offset[Z]];
-        Self { mode, job, tool: mv.tool, work_offset, moves_across: false, last_line: first.span.line }
+        let plane = mv.plane.as_ref().map(|it| it.plane);
+        let (tool, last_line) = (mv.tool, first.span.line);
+        Self { mode, job, tool, work_offset, plane, frame: first.frame.clone(), moves_across: false, last_line }
     }
 
     /// Whether a pass is one of this thread by everything but its speed and depth.
@@ -85,6 +93,7 @@ impl OpenThread {
             && first.lead_axis() == lead_axis
             && self.tool == mv.tool
             && self.work_offset == [mv.work_offset[X], mv.work_offset[Z]]
+            && self.is_in_plane_of(first)
             && (mv.lead_mm - geometry.lead_mm).abs() <= SAME
             && (first.taper(lead_axis) - geometry.taper).abs() <= SAME
             && travel_mm.signum() == geometry.direction()
@@ -92,6 +101,16 @@ impl OpenThread {
             && (mv.end[along] - geometry.end_mm).abs() <= apart_mm
             && (mv.spindle.direction == SpindleDirection::CounterClockwise)
                 == (geometry.rotation == SpindleRotation::Reverse)
+    }
+
+    /// Whether a pass is in the plane of this thread, with the axes in the same proportions; those of a pass that is only looked at
+    /// are not known.
+    fn is_in_plane_of(&self, first: &ThreadBlock) -> bool {
+        let is_parallel = match (&self.frame, &first.frame) {
+            (Some(own), Some(other)) => own.is_parallel_to(other),
+            _ => true,
+        };
+        self.plane == first.mv.plane.as_ref().map(|it| it.plane) && is_parallel
     }
 
     /// Whether a pass is one of this thread, whatever its speed.
@@ -190,31 +209,39 @@ impl OpenThread {
     }
 
     pub(super) fn judge(self, inputs: &ThreadInputs<'_>) -> ThreadSectionReport {
-        let Self { mode, mut job, moves_across, last_line, .. } = self;
+        let Self { mode, mut job, moves_across, last_line, frame, .. } = self;
         if mode.is_none() {
             assume_work(&mut job);
         }
         let first_line = job.passes.first().map_or(last_line, |pass| pass.span.line);
         let settings = inputs.settings;
         let lead_axis = job.geometry.lead_axis;
-        let [across, along] = [lead_axis.across(), lead_axis.along()].map(|axis| axis_limits(inputs.machine, axis));
+        let axes = driven_axes(frame.as_deref(), inputs.machine);
         // On a taper and where it is pulled out the axis across has to accelerate with the lead axis, too.
-        let share = if moves_across { 1.0 - TAPER_SHARE } else { 1.0 };
+        let across = axes.iter().filter_map(|axis| {
+            let PathLimits { velocity, acceleration, jerk } = axis.limits_across(lead_axis)?;
+            let share = axis.vibration_share(lead_axis, moves_across);
+            Some(PathLimits { velocity, acceleration: share * acceleration, jerk: share * jerk })
+        });
+        let across: Vec<_> = across.collect();
+        let mut across = PathLimits::tightest(across.iter());
+        let mut along = axis_limits(inputs.machine, lead_axis.along());
+        if frame.is_some() {
+            // Velocities are judged by axis, where the pass is planned, and so is the run-up.
+            (across.velocity, along) = (f64::INFINITY, PathLimits::NONE);
+        }
         let limits = ThreadLimits {
             lead_velocity_mm_per_s: along.velocity,
             lead_acceleration_mm_per_s2: along.acceleration,
             lead_jerk_mm_per_s3: along.jerk,
             vibration_velocity_mm_per_s: across.velocity,
-            vibration_acceleration_mm_per_s2: share * across.acceleration,
-            vibration_jerk_mm_per_s3: share * across.jerk,
+            vibration_acceleration_mm_per_s2: across.acceleration,
+            vibration_jerk_mm_per_s3: across.jerk,
             approach_mm: settings.approach_mm.unwrap_or(f64::INFINITY),
             period_s: inputs.period_s,
             thickness_mm: settings.max_thickness_mm.unwrap_or(f64::INFINITY),
             finishing_thickness_mm: settings.max_finishing_thickness_mm,
-            drives: ThreadDrives {
-                vibrating: inputs.following.of(lead_axis.across()),
-                lead: inputs.following.of(lead_axis.along()),
-            },
+            drives: drives(frame.as_deref(), lead_axis, inputs),
         };
         let report = judge_thread(&job, &limits);
         ThreadSectionReport {
@@ -227,6 +254,22 @@ impl OpenThread {
             report,
         }
     }
+}
+
+/// The drives of a thread. In a tilted plane several axes share its X and Z: where their drives differ, what arrives is no vibration
+/// along one line, and nothing is predicted.
+fn drives(frame: Option<&PlaneFrame>, lead_axis: LeadAxis, inputs: &ThreadInputs<'_>) -> ThreadDrives {
+    let Some(frame) = frame else {
+        return ThreadDrives {
+            vibrating: inputs.following.of(lead_axis.across()),
+            lead: inputs.following.of(lead_axis.along()),
+        };
+    };
+    let moved = frame.axes().iter().filter(|(_, shares)| *shares != [0.0; 2]).map(|(axis, _)| *axis);
+    inputs
+        .following
+        .shared_by(moved)
+        .map_or_else(ThreadDrives::default, |drive| ThreadDrives { vibrating: drive, lead: drive })
 }
 
 /// Side and work diameter of a thread whose passes are all that is known: the first infeed is taken to be the largest of

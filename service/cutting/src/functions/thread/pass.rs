@@ -6,8 +6,10 @@ use feedwave_motion::{Curve, Element, Machine, PathLimits, Profile};
 use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan, ThreadMove};
 
 use super::code;
+use super::driven::{DrivenAxis, driven_axes};
 use super::{LeadAxis, PathPart, PathVibration, RunUp, ThreadPath, ThreadRun, ThreadVibrationSettings};
 use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
+use crate::shared::plane_frame::PlaneFrame;
 
 /// Share of the limits of the axis across the lead that changes of its speed take beside the vibration: on a taper, at a
 /// pull-out, between parts. It is the same with and without vibration, since passes with different run-ups would not meet in one groove.
@@ -17,6 +19,8 @@ pub const TAPER_SHARE: f64 = 0.2;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct ThreadBlock {
     pub(crate) mv: ThreadMove,
+    /// Its way through a tilted plane.
+    pub(crate) frame: Option<Box<PlaneFrame>>,
     pub(crate) span: SourceSpan,
 }
 
@@ -36,6 +40,7 @@ impl ThreadBlock {
             && self.mv.end == next.start
             && self.mv.work_offset == next.work_offset
             && self.mv.spindle == next.spindle
+            && self.mv.plane == next.plane
     }
 
     /// Travel of X and Z.
@@ -81,6 +86,9 @@ pub(crate) struct PassPath {
     parts: Vec<PathPart>,
     changes_deg: Vec<f64>,
     rev_per_s: f64,
+    /// Its way through a tilted plane.
+    frame: Option<Box<PlaneFrame>>,
+    axes: Vec<DrivenAxis>,
 }
 
 impl PassPath {
@@ -125,14 +133,17 @@ impl PassPath {
             }
             from = to;
         }
-        let mut path = Self { start, parts, changes_deg: Vec::new(), rev_per_s };
+        let frame = first.frame.as_ref().zip(blocks.last().and_then(|last| last.frame.as_ref()));
+        let frame = frame.map(|(first, last)| Box::new(first.to_end_of(last)));
+        let axes = driven_axes(frame.as_deref(), machine);
+        let mut path = Self { start, parts, changes_deg: Vec::new(), rev_per_s, frame, axes };
         if path.parts.iter().any(|part| !(part.angle_deg > 0.0 && part.angle_deg <= 1e9)) {
             let message = "the thread has no travel, or no lead";
             let finding = Finding::new(code::THREAD_TRAVEL, first.span, message);
             findings.push(finding.suggest("check the end point, the position before it and the lead"));
             return None;
         }
-        path.changes_deg = path.changes(first.lead_axis(), machine);
+        path.changes_deg = path.changes(first.lead_axis());
         Some(path)
     }
 
@@ -160,25 +171,21 @@ impl PassPath {
         })
     }
 
-    /// Angles over which the speed changes at every vertex, the least within the limits of both axes. The lead axis is that of the
-    /// first part in all of them: the axis across it may vibrate.
-    fn changes(&self, lead_axis: LeadAxis, machine: &Machine) -> Vec<f64> {
-        let (x, z) = (axis_limits(machine, Axis::X), axis_limits(machine, Axis::Z));
-        let [x_share, z_share] = match lead_axis {
-            LeadAxis::Z => [TAPER_SHARE, 1.0],
-            LeadAxis::X => [1.0, TAPER_SHARE],
-        };
+    /// Angles over which the speed changes at every vertex, the least within the limits of all axes. The lead axis is that of the
+    /// first part in all of them: the tool may vibrate across it.
+    fn changes(&self, lead_axis: LeadAxis) -> Vec<f64> {
         let rest = [[0.0; 3]];
         let before: Vec<_> = rest.into_iter().chain(self.speeds()).collect();
         let after = self.speeds().chain(rest);
-        let angle_deg = |change: f64, limits: PathLimits, share: f64| {
-            let lead_mm = change.abs() / self.rev_per_s;
+        let angle_deg = |axis: &DrivenAxis, change: [f64; 2]| {
+            let lead_mm = axis.part(change).abs() / self.rev_per_s;
+            let (share, limits) = (axis.change_share(lead_axis), axis.limits);
             RunUp::within(lead_mm, self.rev_per_s, share * limits.acceleration, share * limits.jerk).angle_deg
         };
-        let changes = before
-            .iter()
-            .zip(after)
-            .map(|(from, to)| angle_deg(to[0] - from[0], x, x_share).max(angle_deg(to[1] - from[1], z, z_share)));
+        let changes = before.iter().zip(after).map(|(from, to)| {
+            let change = [to[0] - from[0], to[1] - from[1]];
+            self.axes.iter().map(|axis| angle_deg(axis, change)).fold(0.0, f64::max)
+        });
         changes.collect()
     }
 
@@ -223,22 +230,21 @@ impl PassPath {
         true
     }
 
-    /// Speeds of the axes against their limits, with the vibration of one of them; `judged` says that the thread's own report
+    /// Speeds of the axes against their limits, with the vibration across the lead; `judged` says that the thread's own report
     /// compares those of the first part.
     pub(crate) fn check_speeds(
         &self,
-        (across, vibration_mm_per_s): (Axis, f64),
+        (lead_axis, vibration_mm_per_s): (LeadAxis, f64),
         judged: bool,
-        machine: &Machine,
         span: SourceSpan,
         findings: &mut FindingLog,
     ) {
-        for axis in [Axis::X, Axis::Z] {
-            let superposed = if axis == across { vibration_mm_per_s } else { 0.0 };
-            let limit = axis_limits(machine, axis).velocity;
-            let place = usize::from(axis == Axis::Z);
+        for driven in &self.axes {
+            let [across, _] = driven.across_and_along(lead_axis);
+            let superposed = across * vibration_mm_per_s;
+            let (axis, limit) = (driven.axis, driven.limits.velocity);
             let speeds = self.speeds().skip(usize::from(judged));
-            let fastest = speeds.map(|speed| speed[place].abs()).fold(0.0, f64::max);
+            let fastest = speeds.map(|[x, z, _]| driven.part([x, z]).abs()).fold(0.0, f64::max);
             if fastest > 0.0 && fastest + superposed > limit * (1.0 + 1e-9) {
                 let demanded = fastest + superposed;
                 let speed = (60.0 * self.rev_per_s * limit / demanded).floor();
@@ -280,18 +286,24 @@ impl PassPath {
             findings.push(too_long(first.span, duration_s));
             return None;
         }
-        let end = last.end();
+        // In a tilted plane positions are those of the machine.
+        let (end, work_offset) = match &self.frame {
+            None => (last.end(), first.mv.work_offset),
+            Some(frame) => (frame.end().position, Position::default()),
+        };
         let across = vibration.lead_axis.across();
         let retreat_mm = vibration.outwards * vibration.wave.amplitude_mm;
         check_travel(&self.extent(first, (across, retreat_mm)), machine, findings);
         let prepared_mm = path.retreat_mm(-1.0);
+        let limits: Vec<_> = self.axes.iter().filter_map(|axis| axis.limits_across(vibration.lead_axis)).collect();
         let preparation = (prepares && prepared_mm > 0.0)
-            .then(|| Profile::solve(prepared_mm, 0.0, 0.0, axis_limits(machine, across)))
+            .then(|| Profile::solve(prepared_mm, 0.0, 0.0, PathLimits::tightest(limits.iter())))
             .flatten();
         Some(ThreadRun {
             path,
             end,
-            work_offset: first.mv.work_offset,
+            work_offset,
+            frame: self.frame.clone(),
             preparation,
             across,
             outwards: vibration.outwards,
@@ -301,10 +313,30 @@ impl PassPath {
         })
     }
 
-    /// From the lowest to the highest X and Z of the path with this retreat: a line for the checks of lines.
-    fn extent(&self, first: &ThreadBlock, (across, retreat_mm): (Axis, f64)) -> Element {
-        let (mut start, mut end) = (first.mv.start, first.mv.start);
+    /// From the lowest to the highest position of every axis on the path with this retreat: a line for the checks of lines.
+    fn extent(&self, first: &ThreadBlock, retreat: (Axis, f64)) -> Element {
         let places = core::iter::once(self.start).chain(self.parts.iter().map(|part| part.end));
+        let (start, end) = match &self.frame {
+            None => Self::extent_of_x_and_z(&first.mv.start, places, retreat),
+            Some(frame) => extent_in_plane(frame, places, retreat),
+        };
+        Element {
+            start,
+            end,
+            work_offset: if self.frame.is_some() { Position::default() } else { first.mv.work_offset },
+            curve: Curve::Line,
+            length: libm::hypot(end[X] - start[X], end[Z] - start[Z]),
+            source: first.span,
+            rapid: false,
+        }
+    }
+
+    fn extent_of_x_and_z(
+        from: &Position,
+        places: impl Iterator<Item = [f64; 2]>,
+        (across, retreat_mm): (Axis, f64),
+    ) -> (Position, Position) {
+        let (mut start, mut end) = (*from, *from);
         for [x, z] in places {
             for (axis, mm) in [(Axis::X, x), (Axis::Z, z)] {
                 let retreat_mm = if axis == across { retreat_mm } else { 0.0 };
@@ -313,21 +345,33 @@ impl PassPath {
                 *most = most.max(mm).max(mm + retreat_mm);
             }
         }
-        Element {
-            start,
-            end,
-            work_offset: first.mv.work_offset,
-            curve: Curve::Line,
-            length: libm::hypot(end[X] - start[X], end[Z] - start[Z]),
-            source: first.span,
-            rapid: false,
-        }
+        (start, end)
     }
 
     /// Whether the machine has the axes.
     pub(crate) fn missing_axis(&self, first: &ThreadBlock, machine: &Machine) -> Option<Axis> {
         feedwave_motion::missing_axis(&self.extent(first, (Axis::X, 1.0)), machine)
     }
+}
+
+/// The lowest and the highest position of every axis at places of a tilted plane and at those with the retreat.
+fn extent_in_plane(
+    frame: &PlaneFrame,
+    places: impl Iterator<Item = [f64; 2]>,
+    (across, retreat_mm): (Axis, f64),
+) -> (Position, Position) {
+    let mut extent = (frame.end().position, frame.end().position);
+    for [x, z] in places {
+        let retreated = if across == Axis::X { [x + retreat_mm, z] } else { [x, z + retreat_mm] };
+        for place in [[x, z], retreated] {
+            let position = frame.position(place);
+            for (k, mm) in position.into_iter().enumerate() {
+                extent.0[k] = extent.0[k].min(mm);
+                extent.1[k] = extent.1[k].max(mm);
+            }
+        }
+    }
+    extent
 }
 
 /// Peak velocity of a vibration, mm/s.

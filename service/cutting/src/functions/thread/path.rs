@@ -319,6 +319,11 @@ impl ThreadPath {
         self.pieces.iter().map(|piece| piece.length_deg).sum()
     }
 
+    /// X on the radius and Z where it starts, mm.
+    pub(crate) const fn start(&self) -> [f64; 2] {
+        [self.start[0], self.start[1]]
+    }
+
     /// Length of the path, mm.
     #[must_use]
     pub fn length_mm(&self) -> f64 {

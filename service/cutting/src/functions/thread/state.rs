@@ -16,6 +16,7 @@ use crate::functions::switch::{Modal, Switch};
 use crate::shared::checks::missing;
 use crate::shared::following::FollowingModel;
 use crate::shared::listed::Listed;
+use crate::shared::plane_frame::PlaneFrame;
 use crate::shared::wording::decimal;
 
 /// Reports kept in full; further threads are counted.
@@ -79,8 +80,17 @@ pub(crate) struct ThreadAnalysis {
 pub(crate) struct WantedPass {
     /// Its thread and its number there, counted from 0 as in the report.
     pub(crate) place: (u64, usize),
-    /// Its path, once it is planned.
-    pub(crate) path: Option<ThreadPath>,
+    /// It, once it is planned.
+    pub(crate) pass: Option<KeptPass>,
+}
+
+/// A pass as it is planned, for a follower.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeptPass {
+    /// Its path.
+    pub path: ThreadPath,
+    /// Whether X and Z of the path are those of a tilted plane.
+    pub in_plane: bool,
 }
 
 /// What waits for the next operation: a rapid, and the blocks of a pass.
@@ -113,7 +123,8 @@ impl Threads {
 
     /// Whether a block begins another pass than the one whose blocks wait.
     pub(crate) fn ends_pass(&self, mv: &ThreadMove) -> bool {
-        self.blocks.last().is_some_and(|last| !last.goes_on_in(mv))
+        // A rapid in plain coordinates comes before a thread in a tilted plane, and is none of its own.
+        self.rapid.is_some() && mv.plane.is_some() || self.blocks.last().is_some_and(|last| !last.goes_on_in(mv))
     }
 
     /// Whether passes may still join a thread.
@@ -123,13 +134,19 @@ impl Threads {
 
     /// Whether a block begins a thread: none is in progress that it would be a pass or a part of.
     pub(crate) fn would_begin(&self, mv: &ThreadMove, span: SourceSpan) -> bool {
-        let block = ThreadBlock { mv: mv.clone(), span };
+        let block = ThreadBlock { mv: mv.clone(), frame: None, span };
         let mode = self.switch.on().copied();
         self.blocks.is_empty() && self.open.as_ref().is_none_or(|open| !open.is_same_thread(&block, mode))
     }
 
     /// Takes in a threading block of the pass in hand.
-    pub(crate) fn add_block(&mut self, mv: &ThreadMove, span: SourceSpan, findings: &mut FindingLog) {
+    pub(crate) fn add_block(
+        &mut self,
+        mv: &ThreadMove,
+        frame: Option<Box<PlaneFrame>>,
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) {
         let blocks = &mut self.blocks;
         if blocks.len() >= MAX_THREAD_PARTS {
             let message = format!("the thread has more than {MAX_THREAD_PARTS} parts");
@@ -144,7 +161,7 @@ impl Threads {
             let finding = Finding::new(code::THREAD_PART_VIBRATION, span, message);
             findings.push(finding.suggest("write A and R in the first block of the thread only"));
         }
-        blocks.push(ThreadBlock { mv: mv.clone(), span });
+        blocks.push(ThreadBlock { mv: mv.clone(), frame, span });
     }
 
     /// What waits, to be planned now.
@@ -161,7 +178,7 @@ impl Threads {
         analysis: Option<&mut ThreadAnalysis>,
         findings: &mut FindingLog,
     ) -> Option<Pass> {
-        let ThreadInputs { settings, machine, .. } = *inputs;
+        let settings = inputs.settings;
         let still = PathVibration {
             wave: RetreatWave {
                 amplitude_mm: 0.0,
@@ -178,7 +195,7 @@ impl Threads {
             let finding = Finding::new(code::THREAD_VIBRATION_OFF, first.span, message);
             findings.push(finding.suggest("switch it on before the first pass, or leave the A word out"));
         }
-        let across = still.lead_axis.across();
+        let lead_axis = still.lead_axis;
         let vibrating = self.switch.on().map(|mode| mode.lead_axis);
         // A thread along X is judged where its face is stated.
         if vibrating.map_or(still.lead_axis == LeadAxis::X, |vibrating| vibrating != still.lead_axis) {
@@ -199,7 +216,9 @@ impl Threads {
         let is_judged = analysis.is_some();
         let vibration = self.join(first, &path, still, inputs, analysis, findings)?;
         let peak_mm_per_s = peak_velocity(&vibration, path.rev_per_s());
-        path.check_speeds((across, peak_mm_per_s), true, machine, first.span, findings);
+        // The thread's own report knows X and Z, not the axes that carry them out in a tilted plane.
+        let is_compared = first.frame.is_none();
+        path.check_speeds((lead_axis, peak_mm_per_s), is_compared, first.span, findings);
         let number = self.open.as_ref().map(|open| open.job.passes.len() as u64);
         path.check_length(is_judged, number, first.span, findings).then_some(Pass { path, vibration })
     }
@@ -215,8 +234,7 @@ impl Threads {
         findings: &mut FindingLog,
     ) -> Option<Pass> {
         self.close(inputs, analysis, findings);
-        let across = still.lead_axis.across();
-        path.check_speeds((across, 0.0), false, inputs.machine, first.span, findings);
+        path.check_speeds((still.lead_axis, 0.0), false, first.span, findings);
         path.check_length(false, None, first.span, findings).then_some(Pass { path, vibration: still })
     }
 

@@ -6,15 +6,18 @@ use serde::{Deserialize, Serialize};
 
 use super::{PathColumns, ThreadPath};
 use crate::shared::columns::{ColumnMap, still};
+use crate::shared::plane_frame::PlaneFrame;
 use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
 
 /// A pass to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ThreadRun {
     pub(crate) path: ThreadPath,
-    /// Where it ends, to the bit.
+    /// Where it ends, to the bit; of the machine in a tilted plane.
     pub(crate) end: Position,
     pub(crate) work_offset: Position,
+    /// Its way through a tilted plane.
+    pub(crate) frame: Option<Box<PlaneFrame>>,
     /// Movement of the axis across the lead to the vibration position, where it is done here.
     pub(crate) preparation: Option<Profile>,
     /// That axis.
@@ -64,6 +67,20 @@ impl ThreadRun {
         start: usize,
     ) {
         block.vibration_offset_mm[start..].copy_from_slice(retreat_mm);
+        if let Some(frame) = &self.frame {
+            let from = self.path.start();
+            let place = |retreat_mm: f64| match self.across {
+                Axis::X => [from[0] + self.outwards * retreat_mm, from[1]],
+                _ => [from[0], from[1] + self.outwards * retreat_mm],
+            };
+            for (map, column) in columns.iter().zip(&mut block.axes) {
+                for (value, retreat_mm) in column[start..].iter_mut().zip(retreat_mm) {
+                    *value = frame.value(map.axis, map.frame(), place(*retreat_mm));
+                }
+                map.apply(work_offset, &mut column[start..]);
+            }
+            return;
+        }
         let columns = columns.iter().zip(&mut block.axes).filter(|(map, _)| map.axis == self.across);
         for (map, column) in columns {
             for (value, retreat_mm) in column[start..].iter_mut().zip(retreat_mm) {
@@ -97,6 +114,14 @@ impl ThreadRun {
         }
         for (map, column) in columns.iter().zip(&mut block.axes) {
             let column = &mut column[start..];
+            if let Some(frame) = &self.frame {
+                let places = scratch.x[..count].iter().zip(&scratch.z[..count]);
+                for (value, (x, z)) in column.iter_mut().zip(places) {
+                    *value = frame.value(map.axis, map.frame(), [*x, *z]);
+                }
+                map.apply(&self.work_offset, column);
+                continue;
+            }
             match map.axis {
                 Axis::X => column.copy_from_slice(&scratch.x[..count]),
                 Axis::Z => column.copy_from_slice(&scratch.z[..count]),

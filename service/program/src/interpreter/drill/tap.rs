@@ -7,7 +7,7 @@ use crate::dialect::letter_bit;
 use crate::state::Cycle;
 use crate::{
     DialectName, DrillingStyle, OperationKind, PeckReturn, Position, Spindle, SpindleDirection, SpindleSpeed,
-    ThreadKind, ThreadMove, ThreadPlane,
+    ThreadKind, ThreadMove,
 };
 
 /// Largest `J` of a Haas tap.
@@ -96,7 +96,6 @@ impl Execution<'_> {
         if end == self.state.position {
             return;
         }
-        let length_offset = self.state.length.number;
         let stroke = ThreadMove {
             kind: ThreadKind::Tapped,
             start: self.state.coords.placed(&self.state.position),
@@ -111,7 +110,7 @@ impl Execution<'_> {
             included_angle_deg: None,
             spindle: Spindle { direction, speed: SpindleSpeed::Constant { rev_per_min } },
             tool: self.state.tool,
-            plane: self.state.plane_tilted.map(|plane| Box::new(ThreadPlane { plane, length_offset })),
+            plane: self.thread_plane(),
         };
         self.emit(self.block.span(), OperationKind::Thread(Box::new(stroke)));
         self.state.position = end;

@@ -467,3 +467,46 @@ fn drilling_cycles_are_drilled_in_the_plane() {
          ! 6:1+21 PRG-TOOL-CONTROL-HELD",
     );
 }
+
+#[test]
+fn threads_are_in_the_coordinates_of_the_plane() {
+    let plane = "M3 S300\nG68.2 J30\nG43 H1\nG0 X4 Y5 Z30\n";
+    let before = "spindle cw 300\nguided plane H1 rapid -> X4 Y5 Z30\n";
+    let check = |program: &str, expected: &str| {
+        check(&mill(), &format!("{plane}{program}"), &format!("{before}{expected}"));
+    };
+    check(
+        "G33 Z-10 F1.5 Q90\nX6 Z-12\nG91 G33 X-20 Z1 F2\nG0 Z30",
+        "thread X4 Y5 Z30 -> X4 Y5 Z-10 @1.5 plane H1 from 90
+         thread X4 Y5 Z-10 -> X6 Y5 Z-12 @1.5 plane H1
+         thread X6 Y5 Z-12 -> X-14 Y5 Z-11 @2 plane H1
+         guided plane H1 rapid -> X-14 Y5 Z19",
+    );
+    // A is its amplitude, no rotary axis; the axes that it does not move are.
+    check("G33 Z-10 F1.5 A0", "thread X4 Y5 Z30 -> X4 Y5 Z-10 @1.5 plane H1 amplitude 0");
+    check("G33 Z-10 B5 F1.5", "! 5:10+2 PRG-THREAD-AXIS");
+    check("G33 Z-10 Y6 F1.5", "! 5:10+2 PRG-THREAD-AXIS");
+    check("G33 X4 Z30 F1.5", "! 5:1+15 PRG-THREAD-TRAVEL");
+    // Where it starts has to be known.
+    let held = |program: &str, expected: &str| {
+        super::check(&mill(), &format!("M3 S300\n{program}"), &format!("spindle cw 300\n{expected}"));
+    };
+    held("G68.2 J30\nG33 Z-10 F1.5", "! 3:1+13 PRG-TOOL-CONTROL-HELD");
+    held("G68.2 J30\nG0 X1 Z5\nG33 Z-10 F1.5", "guided plane H0 rapid -> X1 Z5 ~Y\n! 4:1+13 PRG-TOOL-CONTROL-HELD");
+}
+
+#[test]
+fn a_thread_vibrates_away_from_a_work_of_its_own_coordinates() {
+    let on = "G165 P3 X12. Q1.2\n";
+    let pass = "G0 X4 Y5 Z30\nG33 Z-10 F1.5\n";
+    let found = |program: String| {
+        let (_, findings) = interpret(format!("M3 S300\n{program}M30\n").as_bytes(), mill());
+        findings.findings().iter().map(|finding| (finding.span.line, finding.code.to_string())).collect::<Vec<_>>()
+    };
+    let elsewhere = |line: u32| vec![(line, "PRG-THREAD-PLANE-WORK".to_owned())];
+    assert_eq!(found(format!("{on}G68.2 J30\n{pass}G165 P0\n")), elsewhere(5));
+    assert_eq!(found(format!("G68.2 J30\n{on}G69\nG0 A0 B0 C0\n{pass}G165 P0\n")), elsewhere(7));
+    assert_eq!(found(format!("G68.2 J30\n{on}{pass}G165 P0\nG69\n")), []);
+    assert_eq!(found(format!("{on}G68.2 J30\nG165 P0\n{on}{pass}G165 P0\n")), []);
+    assert_eq!(found(format!("{on}G68.2 J30\nG0 X4 Y5 Z30\nG33 Z-10 F1.5 A0.\nG165 P0\n")), []);
+}

@@ -14,6 +14,7 @@ use feedwave_program::{
 
 use super::super::code;
 use super::{Guide, GuideInputs, GuideState, refused};
+use crate::shared::plane_frame::PlaneFrame;
 
 /// A tool axis further from the normal of its plane than this is not meant to be on it, rad: programs write rotary axes with
 /// three decimals of a degree.
@@ -125,6 +126,30 @@ impl Guide {
             }
             Err(refusal) => {
                 self.refuse(&refusal, guided, &block, state, findings);
+                None
+            }
+        }
+    }
+
+    /// Leads the tool along a straight thread in a plane, X and Z of which are `ends` in its coordinates; nothing after a finding.
+    pub(crate) fn thread_in_plane(
+        &self,
+        guided: &GuidedMove,
+        ends: [[f64; 2]; 2],
+        span: SourceSpan,
+        state: &mut GuideState,
+        inputs: &GuideInputs<'_>,
+        findings: &mut FindingLog,
+    ) -> Option<PlaneFrame> {
+        let plane = guided.plane.as_ref()?;
+        self.place_tool(guided, span, state, inputs, findings)?;
+        let start = state.tool.as_ref()?.point;
+        self.lead(guided, span, None, state, inputs, findings)?;
+        let tool = state.tool.as_ref()?;
+        match PlaneFrame::new(&self.kinematics, plane, &tool.setup, [start, tool.point], ends) {
+            Ok(frame) => Some(frame),
+            Err(reason) => {
+                findings.push(refused(&FiveAxisRefusal::Pose { share: 0.0, reason }, span, None));
                 None
             }
         }
