@@ -13,14 +13,14 @@ mod functions;
 mod improvement;
 mod shared;
 
-pub use frame::interpretation::{Interpretation, InterpretationStep};
-pub use frame::pipeline::{
-    AppendError, DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange,
-    Pipeline, PipelineConfig, SnapshotError, SpindleChange, SpindleChangeError, Step,
+pub use frame::config::{
+    DEFAULT_PERIOD_US, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, PipelineConfig, SpindleChange,
 };
+pub use frame::interpretation::{Interpretation, InterpretationStep};
+pub use frame::pipeline::{AppendError, Pipeline, SnapshotError, SpindleChangeError, Step};
 pub use frame::profile::{
-    MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS,
-    MIN_LOOK_AHEAD_BLOCKS, MachineProfile, PlanQuality,
+    MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_OVERRIDE_RATIO, MAX_POLE_TOLERANCE_DEG,
+    MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS, MachineProfile, PlanQuality,
 };
 pub use frame::report::{
     AxisLimitTimes, AxisSummary, LimitTimes, PathDeviation, PeakPlace, ProgramSummary, Slowdown, SlowdownCause,

@@ -2,6 +2,7 @@
 //! both, and what is judged and reported of every program.
 
 pub(crate) mod builder;
+pub(crate) mod config;
 pub(crate) mod interpolator;
 pub(crate) mod interpretation;
 pub(crate) mod pipeline;

@@ -5,7 +5,6 @@ use feedwave_motion::{CornerSpeed, Machine, PlannerSettings, ProfileProblem};
 use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM, machine_code_problems};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::pipeline::MAX_OVERRIDE_RATIO;
 use crate::functions::path_vibration::{MIN_FREQUENCY_HZ, VibrationSettings};
 use crate::functions::thinning::ThinningSettings;
 use crate::functions::thread::ThreadVibrationSettings;
@@ -223,8 +222,8 @@ fn position_problems(language: &LanguageSettings, problems: &mut Vec<ProfileProb
     let more = language.coordinates.more_reference_positions.iter().flatten();
     let more = more.map(|position| ("coordinates.more_reference_positions".to_owned(), position));
     for (field, position) in positions.chain(systems).chain(more) {
-        if let Some(axis) = position.iter().position(|value| !value.is_finite()) {
-            problems.push(problem(format!("{field}[{axis}]"), "must be finite"));
+        if let Some(axis) = Axis::ALL.into_iter().find(|axis| !position[axis.index()].is_finite()) {
+            problems.push(problem(format!("{field}.{}", axis.letter().to_ascii_lowercase()), "must be finite"));
         }
     }
 }
@@ -356,6 +355,8 @@ const MAX_CHAMFER_TENTHS: u32 = 127;
 const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
 pub const MAX_SERVO_SUBSTEPS: u32 = 64;
+/// Highest ratio of the feed override.
+pub const MAX_OVERRIDE_RATIO: f64 = 2.0;
 /// Default bound of monitoring, and the common end of a machine's override switch.
 const DEFAULT_MAX_FEED_OVERRIDE: f64 = 1.5;
 /// Fewest elements looked ahead.
@@ -420,7 +421,7 @@ mod tests {
         let fields: Vec<String> = profile.problems().into_iter().map(|problem| problem.field).collect();
         let expected = [
             "machine.max_spindle_rev_per_min",
-            "language.work_offsets[2][1]",
+            "language.work_offsets[2].y",
             "language.default_path_tolerance_mm",
             "language.drilling.peck_lift_mm",
             "language.turning.escape_mm",

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use feedwave_program::{Finding, InitialOffsets, SourceSpan};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::pipeline::PipelineConfig;
+use crate::frame::config::PipelineConfig;
 use crate::frame::profile::PlanQuality;
 use crate::functions::path_vibration::SectionReport;
 use crate::functions::thinning::ProgramThinning;

@@ -5,7 +5,8 @@ use feedwave_program::{Finding, FindingLog, Place, Severity, SourceSpan};
 
 use crate::code;
 use crate::frame::builder::Analysis;
-use crate::frame::pipeline::{OverrideChange, Pipeline, Step};
+use crate::frame::config::OverrideChange;
+use crate::frame::pipeline::{Pipeline, Step};
 use crate::shared::setpoint::SetpointBlock;
 
 /// What became of a step of a [`SpindleTrial`].

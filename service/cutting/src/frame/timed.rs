@@ -4,8 +4,8 @@ use feedwave_motion::{Planned, Planner};
 use feedwave_program::{FindingLog, Operation};
 
 use crate::frame::builder::Builder;
+use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
-use crate::frame::pipeline::PipelineConfig;
 
 /// A plan that nothing is interpolated from.
 #[derive(Clone, Debug)]

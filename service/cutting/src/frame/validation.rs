@@ -5,7 +5,8 @@ use std::sync::Arc;
 use feedwave_program::{Place, Reading, Severity};
 
 use crate::frame::builder::Analysis;
-use crate::frame::pipeline::{Pipeline, PipelineConfig, Step};
+use crate::frame::config::PipelineConfig;
+use crate::frame::pipeline::{Pipeline, Step};
 use crate::frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 use crate::functions::thinning::report_findings;
 use crate::shared::setpoint::{Frame, SetpointBlock};

@@ -5,7 +5,7 @@ use feedwave_program::{Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
 use super::Builder;
 use crate::code;
-use crate::frame::pipeline::PipelineConfig;
+use crate::frame::config::PipelineConfig;
 use crate::shared::checks::{MAX_BLOCK_DURATION_S, is_rotary_only, too_long};
 
 /// Different tools listed; a program can name a billion.

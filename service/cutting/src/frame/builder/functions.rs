@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Builder;
 use crate::code;
+use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
-use crate::frame::pipeline::PipelineConfig;
 use crate::frame::report::ValidationReport;
 use crate::functions::five_axis::{Guide, GuideInputs};
 use crate::functions::path_vibration::{

@@ -4,8 +4,8 @@ use feedwave_motion::Planner;
 use feedwave_program::{FindingLog, GuidedMove, MoveKind, PathControl, SourceSpan};
 
 use super::Builder;
+use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
-use crate::frame::pipeline::PipelineConfig;
 use crate::functions::five_axis::{Guided, no_kinematics};
 use crate::shared::checks::check_travel;
 use crate::shared::cut::Cut;

@@ -7,8 +7,8 @@ use feedwave_program::{
 
 use super::Builder;
 use crate::code;
+use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
-use crate::frame::pipeline::PipelineConfig;
 use crate::functions::five_axis::Guided;
 use crate::functions::thread::{KeptPass, Pass, WaitingPass, straight};
 use crate::shared::plane_frame::PlaneFrame;

@@ -1,6 +1,5 @@
 //! From program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
 
-mod config;
 mod overrides;
 mod places;
 mod reading;
@@ -17,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::code;
 use crate::frame::builder::{Analysis, Builder, BuilderState, blocks_too_short};
+use crate::frame::config::{MAX_SETPOINTS, PipelineConfig};
 use crate::frame::interpolator::{self, Barrier, Examination, Fill, Interpolator};
 use crate::frame::scout::Scout;
 use crate::frame::timed::TimedPlans;
@@ -30,11 +30,6 @@ pub use overrides::AppendError;
 use overrides::OverrideState;
 pub use places::SpindleChangeError;
 use places::SpindleState;
-
-pub use config::{
-    DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, PipelineConfig,
-    SpindleChange,
-};
 
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_OVERRIDE_RATIO, MAX_SETPOINTS, OverrideChange, Pipeline};
+use super::Pipeline;
+use crate::frame::config::{MAX_SETPOINTS, OverrideChange};
+use crate::frame::profile::MAX_OVERRIDE_RATIO;
 
 /// A change of the feed override that cannot be appended; nothing changes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

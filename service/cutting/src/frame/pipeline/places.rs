@@ -10,7 +10,8 @@ use std::sync::Arc;
 use feedwave_program::{Feed, MoveKind, Operation, OperationKind, Spindle, SpindleDirection, SpindleSpeed};
 use serde::{Deserialize, Serialize};
 
-use super::{Pipeline, SpindleChange};
+use super::Pipeline;
+use crate::frame::config::SpindleChange;
 
 /// A change of the spindle speed that cannot be appended; nothing changes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -104,9 +104,6 @@ pub const DEFAULT_PERIOD_US: u32 = 1_000;
 /// Most setpoints a program may have: 49 days at 1 ms. Bounds the work that a short text can cause.
 pub const MAX_SETPOINTS: u64 = 1 << 32;
 
-/// Highest ratio of the feed override.
-pub const MAX_OVERRIDE_RATIO: f64 = 2.0;
-
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
