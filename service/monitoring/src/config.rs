@@ -251,7 +251,7 @@ impl MonitoringConfig {
 /// One impossible field of the configuration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Violation {
-    /// Path of the field, e.g. `rules.feed.lower`.
+    /// Path of the field as the contract has it, e.g. `rules.feed.lower` or `rules.spindle.milling.table[1].up_to_rev_per_min`.
     pub field: String,
     /// What is wrong and what would be right, with numbers.
     pub problem: String,

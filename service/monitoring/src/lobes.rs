@@ -274,7 +274,7 @@ impl MillingModel {
         let mut check = Check::default();
         check.modes("modes_x", &self.modes_x, 0);
         check.modes("modes_y", &self.modes_y, usize::from(self.modes_x.is_empty()));
-        check.within("edges", f64::from(self.edges), 1.0, 1000.0);
+        check.within("edge_count", f64::from(self.edges), 1.0, 1000.0);
         check.within("entry_rad", self.entry_rad, 0.0, PI);
         check.within("exit_rad", self.exit_rad, self.entry_rad + 1e-6, PI);
         check.coefficient("tangential_n_per_mm2", self.tangential_n_per_mm2);

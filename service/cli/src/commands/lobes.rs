@@ -243,19 +243,34 @@ pub(super) fn rounded_down(depth_mm: f64) -> String {
     format!("{:.*}", places as usize, (depth_mm * unit).floor() / unit)
 }
 
-/// Violations by the options that they are about.
+/// The option that says a field of the model or of the search.
+const OPTIONS: [(&str, &str); 16] = [
+    ("model.dynamics.modes_x", "--mode-x"),
+    ("model.dynamics.modes_y", "--mode-y"),
+    ("model.dynamics.modes_normal", "--mode-normal"),
+    ("model.dynamics.tangential_n_per_mm2", "--tangential"),
+    ("model.dynamics.radial_ratio", "--radial-ratio"),
+    ("model.dynamics.specific_n_per_mm2", "--specific"),
+    ("model.milling.entry_deg", "--entry"),
+    ("model.milling.exit_deg", "--exit"),
+    ("model.milling.edge_count", "--edges"),
+    ("search.lowest_rev_per_min", "--lowest-rev-per-min"),
+    ("search.highest_rev_per_min", "--highest-rev-per-min"),
+    ("search.bands", "--bands"),
+    ("search.margin", "--margin"),
+    ("search.speed_tolerance", "--speed-tolerance"),
+    ("search.required_mm", "--required"),
+    ("chart_speeds", "--chart-speeds"),
+];
+
+/// Violations by the options that they are about; of one mode among several, with its field.
 fn told(violations: &[Violation]) -> String {
-    let line = |violation: &Violation| {
-        let last = violation
-            .field
-            .split('.')
-            .find(|part| part.starts_with("modes_"))
-            .or_else(|| violation.field.rsplit('.').next());
-        let name = last.unwrap_or_default().split('[').next().unwrap_or_default().replacen("modes_", "mode_", 1);
-        let units = ["_n_per_mm2", "_mm", "_deg"];
-        let name = units.iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(&name);
-        let part = violation.field.rsplit_once("].").map_or_else(String::new, |(_, part)| format!("{part} "));
-        format!("--{}: {part}{}", name.replace('_', "-"), violation.description)
+    let line = |Violation { field, description }: &Violation| {
+        let option = OPTIONS.iter().find_map(|(path, option)| match field.strip_prefix(path)?.split_once('.') {
+            Some((_, part)) => Some(format!("{option}: {part}")),
+            None => Some(format!("{option}:")),
+        });
+        format!("{} {description}", option.unwrap_or_else(|| format!("{field}:")))
     };
     violations.iter().map(line).collect::<Vec<_>>().join("\n")
 }
@@ -267,11 +282,17 @@ mod tests {
     #[test]
     fn violations_are_told_by_their_options() {
         let mut violations = Violations::default();
-        for field in ["model.dynamics.modes_x[1].damping_ratio", "model.milling.exit_deg", "search.required_mm"] {
+        for field in [
+            "model.dynamics.modes_x[1].damping_ratio",
+            "model.dynamics.modes_y",
+            "model.milling.exit_deg",
+            "search.required_mm",
+            "model.cut",
+        ] {
             violations.add(field, "must be otherwise");
         }
-        let lines =
-            "--mode-x: damping_ratio must be otherwise\n--exit: must be otherwise\n--required: must be otherwise";
+        let lines = "--mode-x: damping_ratio must be otherwise\n--mode-y: must be otherwise\n--exit: must be otherwise\n\
+                     --required: must be otherwise\nmodel.cut: must be otherwise";
         assert_eq!(told(violations.as_slice()), lines);
     }
 

@@ -57,11 +57,6 @@ pub(super) fn report_to_proto(report: &ValidationReport, shown: &mut proto::Vali
     FUNCTIONS.iter().for_each(|function| (function.report_to_proto)(report, shown));
 }
 
-/// The contract's name of a field of a profile, where a function has another one than the pipeline.
-pub(super) fn contract_field(field: &str) -> Option<String> {
-    tool_oscillation::contract_field(field)
-}
-
 /// The words that switch a function on and off; the given ones are those of the dialect where the message has none.
 fn codes_from_proto(given: Option<proto::FunctionCodes>, dialect: FunctionCodes) -> FunctionCodes {
     given.map_or(dialect, |codes| FunctionCodes { on: codes.on, off: codes.off })

@@ -55,7 +55,7 @@ pub fn monitoring_from_proto(
         rules,
     };
     for violation in converted.violations() {
-        found.add(proto_path(&violation.field, &converted.rules), violation.problem);
+        found.add(violation.field, violation.problem);
     }
     let valid = found.is_empty();
     violations.extend(field, found);
@@ -99,21 +99,6 @@ fn spectrum(spectrum: proto::SpectrumSettings) -> SpectrumConfig {
     }
 }
 
-/// Path of a field of the monitor's configuration in the message.
-fn proto_path(field: &str, rules: &Rules) -> String {
-    let kind = match rules.spindle {
-        SpindleRule::Milling { .. } => "milling",
-        SpindleRule::None | SpindleRule::Turning { .. } => "turning",
-    };
-    field
-        .replace(".quantity.mm_per_strain", ".mm_per_strain")
-        .replace("grouping.points", "grouping.angular_points")
-        .replace("quality.spikes.max_step", "quality.max_step")
-        .replace("quality.spikes.max_run", "quality.max_step_run")
-        .replace("rules.spindle.table.rows", "rules.spindle.table")
-        .replace("rules.spindle.", &format!("rules.spindle.{kind}."))
-}
-
 fn sensors(found: &mut Violations, field: &str, sensors: &proto::Sensors) -> monitoring::Sensors {
     let name = format!("{field}.quantity");
     let quantity = match enumeration(found, &name, sensors.quantity) {
@@ -135,7 +120,7 @@ fn length(found: &mut Violations, field: &str, length: Option<&proto::WindowLeng
         Some(Some(ProtoLength::DurationS(seconds))) => Length::Seconds(seconds),
         Some(Some(ProtoLength::Series(series))) => Length::Series(series),
         Some(None) => {
-            found.add(field, "seconds or series must be set");
+            found.add(field, "duration_s or series must be set");
             default
         }
     }
@@ -351,98 +336,4 @@ pub(super) fn rules_to_proto(rules: &Rules) -> proto::DecisionRules {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-
-    /// A configuration with everything in it.
-    pub(in crate::convert) fn full() -> proto::MonitoringConfig {
-        let length = ProtoLength::DurationS(0.5);
-        proto::MonitoringConfig {
-            tool: Some(proto::Sensors { quantity: 1, max: 10.0, ..Default::default() }),
-            work: Some(proto::Sensors { quantity: 2, mm_per_strain: 400.0, min: -1.0, max: 1.0 }),
-            tool_check: Some(proto::ToolCheck { max_ratio: None, max_run_out: Some(0.05) }),
-            idle_run_up: Some(proto::IdleRunUp { spindle_rev_per_min: vec![1_000.0, 2_000.0], ..Default::default() }),
-            contact: Some(proto::ContactDetection { threshold: 0.002, ..Default::default() }),
-            window: Some(proto::WindowLength { length: Some(length) }),
-            spectrum: Some(proto::SpectrumSettings::default()),
-            quality: Some(proto::DataQuality { max_step: Some(0.5), ..Default::default() }),
-            rules: Some(proto::DecisionRules {
-                property: proto::ProcessProperty::VibrationAmplitude.into(),
-                feed: Some(proto::FeedRule { lower: 0.003, upper: 0.01, step: None }),
-                spindle: Some(proto::SpindleRule {
-                    rule: Some(Rule::Milling(proto::MillingRule {
-                        limit: 0.02,
-                        table_from: None,
-                        table: vec![
-                            proto::SpindleBand {
-                                above_rev_per_min: 0.0,
-                                up_to_rev_per_min: 3_000.0,
-                                spindle_rev_per_min: 2_800.0,
-                            },
-                            proto::SpindleBand {
-                                above_rev_per_min: 3_000.0,
-                                up_to_rev_per_min: 9_000.0,
-                                spindle_rev_per_min: 7_000.0,
-                            },
-                        ],
-                    })),
-                }),
-                ..Default::default()
-            }),
-            ..Default::default()
-        }
-    }
-
-    fn fields(config: &proto::MonitoringConfig) -> Vec<String> {
-        let mut violations = Violations::default();
-        let converted = monitoring_from_proto(&mut violations, "config", config);
-        assert_eq!(converted.is_some(), violations.is_empty());
-        violations.as_slice().iter().map(|violation| violation.field.clone()).collect()
-    }
-
-    #[test]
-    fn a_configuration_comes_back_with_its_defaults() {
-        let mut violations = Violations::default();
-        let config = monitoring_from_proto(&mut violations, "config", &full());
-        assert!(violations.is_empty(), "{violations:?}");
-        let config = config.unwrap();
-        assert_eq!((config.sample_rate_hz, config.settling_s, config.quality.silence_s), (20_000.0, 10.0, 0.5));
-        assert_eq!(config.rules.feed.step, 0.05);
-        let filled_in = monitoring_to_proto(&config);
-        assert_eq!(filled_in.grouping, Some(proto::Grouping { by: Some(By::AngularPoints(36)) }));
-        assert_eq!(monitoring_from_proto(&mut violations, "config", &filled_in), Some(config));
-    }
-
-    #[test]
-    fn everything_impossible_is_named_by_its_path_in_the_message() {
-        let mut config = full();
-        config.sample_rate_hz = Some(2e5);
-        config.tool = Some(proto::Sensors { quantity: 0, min: 1.0, max: 0.0, ..Default::default() });
-        config.work = Some(proto::Sensors { quantity: 2, min: -1.0, max: 1.0, ..Default::default() });
-        config.grouping = Some(proto::Grouping { by: Some(By::AngularPoints(2)) });
-        config.quality = Some(proto::DataQuality { max_step: Some(-1.0), ..Default::default() });
-        let rules = config.rules.as_mut().unwrap();
-        rules.feed = Some(proto::FeedRule { lower: 0.01, upper: 0.003, step: None });
-        let Some(Rule::Milling(rule)) = rules.spindle.as_mut().and_then(|spindle| spindle.rule.as_mut()) else {
-            panic!("milling")
-        };
-        rule.table[1].above_rev_per_min = 3_500.0;
-        let found = fields(&config);
-        for expected in [
-            "config.sample_rate_hz",
-            "config.tool.quantity",
-            "config.tool.min",
-            "config.work.mm_per_strain",
-            "config.grouping.angular_points",
-            "config.quality.max_step",
-            "config.rules.feed.lower",
-            "config.rules.spindle.milling.table[1].above_rev_per_min",
-        ] {
-            assert!(found.iter().any(|field| field == expected), "{expected} is not in {found:?}");
-        }
-        let nothing = fields(&proto::MonitoringConfig::default());
-        for expected in ["config.tool", "config.rules"] {
-            assert!(nothing.iter().any(|field| field == expected), "{expected} is not in {nothing:?}");
-        }
-    }
-}
+pub(super) mod tests;

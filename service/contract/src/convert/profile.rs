@@ -23,27 +23,12 @@ pub fn profile_from_proto(
         && let Some(converted) = &converted
     {
         for problem in converted.problems() {
-            inner.add(contract_field(&problem.field), problem.message);
+            inner.add(problem.field, problem.message);
         }
     }
     let valid = inner.is_empty();
     violations.extend(field, inner);
     converted.filter(|_| valid)
-}
-
-/// Positions are indexed in the pipeline and have one field per letter in the contract.
-fn contract_field(field: &str) -> String {
-    if let Some(field) = functions::contract_field(field) {
-        return field;
-    }
-    let position = |prefix: &str| field.starts_with("language.") && prefix.ends_with(['n', ']']);
-    let Some((prefix, index)) = field.strip_suffix(']').and_then(|field| field.rsplit_once('[')) else {
-        return field.to_owned();
-    };
-    match index.parse::<usize>().ok().and_then(|index| Axis::ALL.get(index)) {
-        Some(axis) if position(prefix) => format!("{prefix}.{}", axis.letter().to_ascii_lowercase()),
-        _ => field.to_owned(),
-    }
 }
 
 fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile) -> Option<MachineProfile> {

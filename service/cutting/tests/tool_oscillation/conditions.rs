@@ -265,7 +265,7 @@ fn what_a_machine_keeps_is_bounded_and_unambiguous() {
         "tool_oscillation[4].tables",
         "tool_oscillation[5].tables[0]",
         "tool_oscillation[5].tables[1].quantity",
-        "tool_oscillation[6].condition.engagement",
+        "tool_oscillation[6].engagement",
     ];
     assert_eq!(fields(&some), expected);
 }

@@ -52,7 +52,9 @@ pub(super) fn violations(config: &MonitoringConfig) -> Vec<Violation> {
     check.within("sample_rate_hz", config.sample_rate_hz, 1.0, 100_000.0);
     sensors(&mut check, config);
     match config.grouping {
-        Grouping::Angle { points } => check.within("grouping.points", f64::from(points), 4.0, f64::from(MAX_POINTS)),
+        Grouping::Angle { points } => {
+            check.within("grouping.angular_points", f64::from(points), 4.0, f64::from(MAX_POINTS));
+        }
         Grouping::Time { samples_per_point } => {
             check.within("grouping.samples_per_point", f64::from(samples_per_point), 1.0, 100_000.0);
         }
@@ -107,7 +109,7 @@ fn sensors(check: &mut Check, config: &MonitoringConfig) {
         if let Quantity::Strain { mm_per_strain } = quantity {
             check.require(
                 mm_per_strain.is_finite() && mm_per_strain != 0.0 && mm_per_strain.abs() <= 1e9,
-                &format!("{name}.quantity.mm_per_strain"),
+                &format!("{name}.mm_per_strain"),
                 || format!("{mm_per_strain} mm per unit of strain does not turn strain into displacement"),
             );
         }
@@ -138,7 +140,7 @@ fn length(check: &mut Check, field: &str, length: Length, config: &MonitoringCon
         Length::Series(series) => {
             check.within(field, f64::from(series), 1.0, f64::from(MAX_SERIES));
             check.require(matches!(config.grouping, Grouping::Angle { .. }), field, || {
-                "series of angular points need the grouping by angle; give seconds".to_owned()
+                "series of angular points need the grouping by angle; give a duration".to_owned()
             });
         }
     }
@@ -179,13 +181,13 @@ fn spectrum(check: &mut Check, spectrum: &SpectrumConfig, config: &MonitoringCon
     );
     check.within("spectrum.noise_floor", spectrum.noise_floor, 0.0, 1e9);
     check.within("spectrum.harmonic_tolerance_hz", spectrum.harmonic_tolerance_hz, 1e-6, nyquist_hz);
-    check.within("spectrum.edges", f64::from(spectrum.edges), 1.0, 1000.0);
+    check.within("spectrum.edge_count", f64::from(spectrum.edges), 1.0, 1000.0);
 }
 
 fn quality(check: &mut Check, quality: &Quality, config: &MonitoringConfig) {
     if let Some(spikes) = quality.spikes {
-        check.within("quality.spikes.max_step", spikes.max_step, f64::MIN_POSITIVE, 1e12);
-        check.within("quality.spikes.max_run", f64::from(spikes.max_run), 1.0, 1000.0);
+        check.within("quality.max_step", spikes.max_step, f64::MIN_POSITIVE, 1e12);
+        check.within("quality.max_step_run", f64::from(spikes.max_run), 1.0, 1000.0);
     }
     check.within("quality.min_valid_samples", f64::from(quality.min_valid_samples), 2.0, 1e9);
     check.within("quality.max_removed", quality.max_removed, 0.0, 0.5);
@@ -218,7 +220,7 @@ fn quality(check: &mut Check, quality: &Quality, config: &MonitoringConfig) {
 fn bounds(check: &mut Check, field: &str, bounds: Bounds) {
     let Bounds { lower, upper } = bounds;
     check.require(lower > 0.0 && lower <= 1.0 && (1.0..=10.0).contains(&upper), field, || {
-        format!("{lower}..{upper} must be positive, hold 100 % and end at 1000 % at most")
+        format!("{lower}..{upper} must be positive, hold 1 and end at 10 at most")
     });
 }
 
@@ -241,16 +243,16 @@ fn rules(check: &mut Check, rules: &Rules, has_spectrum: bool) {
     match &rules.spindle {
         SpindleRule::None => {}
         SpindleRule::Turning { lower_deg, upper_deg, step, min_concentration } => {
-            check.within("rules.spindle.lower_deg", *lower_deg, -180.0, 180.0);
-            check.within("rules.spindle.upper_deg", *upper_deg, -180.0, 180.0);
-            check.require(lower_deg < upper_deg, "rules.spindle.lower_deg", || {
+            check.within("rules.spindle.turning.lower_deg", *lower_deg, -180.0, 180.0);
+            check.within("rules.spindle.turning.upper_deg", *upper_deg, -180.0, 180.0);
+            check.require(lower_deg < upper_deg, "rules.spindle.turning.lower_deg", || {
                 format!("the lower limit {lower_deg}° is not below the upper limit {upper_deg}°")
             });
-            check.within("rules.spindle.step", *step, 1e-6, 0.5);
-            check.within("rules.spindle.min_concentration", *min_concentration, 1e-6, 1.0);
+            check.within("rules.spindle.turning.step", *step, 1e-6, 0.5);
+            check.within("rules.spindle.turning.min_concentration", *min_concentration, 1e-6, 1.0);
         }
         SpindleRule::Milling { limit, table } => {
-            check.within("rules.spindle.limit", *limit, f64::MIN_POSITIVE, 1e9);
+            check.within("rules.spindle.milling.limit", *limit, f64::MIN_POSITIVE, 1e9);
             self::table(check, table);
         }
     }
@@ -258,12 +260,12 @@ fn rules(check: &mut Check, rules: &Rules, has_spectrum: bool) {
 
 fn table(check: &mut Check, table: &SpindleTable) {
     let rows = &table.rows;
-    check.require(!rows.is_empty() && rows.len() <= MAX_TABLE_ROWS, "rules.spindle.table", || {
+    check.require(!rows.is_empty() && rows.len() <= MAX_TABLE_ROWS, "rules.spindle.milling.table", || {
         format!("{} rows; between 1 and {MAX_TABLE_ROWS} are possible", rows.len())
     });
     let mut end_rev_per_min = None;
     for (index, row) in rows.iter().take(MAX_TABLE_ROWS).enumerate() {
-        let field = |name: &str| format!("rules.spindle.table.rows[{index}].{name}");
+        let field = |name: &str| format!("rules.spindle.milling.table[{index}].{name}");
         check.within(&field("above_rev_per_min"), row.above_rev_per_min, 0.0, MAX_RPM);
         check.within(&field("up_to_rev_per_min"), row.up_to_rev_per_min, 0.0, MAX_RPM);
         check.within(&field("spindle_rev_per_min"), row.spindle_rev_per_min, 1.0, MAX_RPM);

@@ -153,7 +153,7 @@ fn impossible_data_is_refused_with_numbers() {
     assert_eq!(refused(nan.problems()), ["radial_ratio"]);
     let soft = Mode { stiffness_n_per_mm: -1.0, ..mode() };
     let all = MillingModel { modes_x: vec![mode(), soft], edges: 0, tangential_n_per_mm2: 0.0, ..milling() };
-    assert_eq!(refused(all.problems()), ["modes_x[1].stiffness_n_per_mm", "edges", "tangential_n_per_mm2"]);
+    assert_eq!(refused(all.problems()), ["modes_x[1].stiffness_n_per_mm", "edge_count", "tangential_n_per_mm2"]);
     let pockets =
         PocketRequest { lowest_rev_per_min: 9.0, highest_rev_per_min: 8.0, bands: 0, margin: 1.0, ..request() };
     assert_eq!(refused(pockets.problems()), ["highest_rev_per_min", "bands", "margin"]);

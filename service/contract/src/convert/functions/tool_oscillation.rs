@@ -26,11 +26,6 @@ pub(super) const FUNCTION: Function = Function {
     },
 };
 
-/// The contract has a condition's name and its tables beside its values.
-pub(super) fn contract_field(field: &str) -> Option<String> {
-    field.starts_with("tool_oscillation[").then(|| field.replacen(".condition.", ".", 1))
-}
-
 fn settings_from_proto(violations: &mut Violations, given: &proto::MachineProfile, profile: &mut MachineProfile) {
     if let Some(conditions) = condition::conditions_from_proto(violations, &given.tool_oscillation) {
         profile.tool_oscillation = conditions;

@@ -67,48 +67,48 @@ fn choice(named: &NamedCondition, before: &[NamedCondition], problems: &mut Prob
 fn condition(condition: &OscillationCondition, problems: &mut Problems<'_>) {
     match condition.period {
         OscillationPeriod::PerRevolution(periods) => {
-            problems.require(periods > 0, "condition.period", "at least 1 per revolution", periods);
+            problems.require(periods > 0, "periods_per_rev", "at least 1", periods);
         }
         OscillationPeriod::Seconds(seconds) => {
             let is_possible = (1e-6..=1e3).contains(&seconds);
-            problems.require(is_possible, "condition.period", "0.000001 to 1000 s", seconds);
+            problems.require(is_possible, "period_s", "0.000001 to 1000", seconds);
         }
     }
     let is_possible = (1..=MAX_RAMP_PERIODS).contains(&condition.ramp_periods);
     let range = format!("1 to {MAX_RAMP_PERIODS}");
-    problems.require(is_possible, "condition.ramp_periods", &range, condition.ramp_periods);
+    problems.require(is_possible, "ramp_periods", &range, condition.ramp_periods);
     leading_edge(&condition.leading_edge, problems);
     if let Some(message) = condition.engagement.problem() {
-        problems.add("condition.engagement", message);
+        problems.add("engagement", message);
     }
     let directions =
         [("feed", Some(&condition.feed)), ("axial", Some(&condition.axial)), ("cross", condition.cross.as_ref())];
     for (name, direction) in directions.iter().filter_map(|(name, direction)| Some((name, (*direction)?))) {
         if let Err(error) = direction.waveform.compile() {
-            problems.add(&format!("condition.{name}.waveform"), error.to_string());
+            problems.add(&format!("{name}.waveform"), error.to_string());
         }
         let (amplitude, phase) = (direction.amplitude_mm, direction.phase_deg);
         let range = format!("0 to {MAX_AMPLITUDE_MM} mm");
         let is_possible = (0.0..=MAX_AMPLITUDE_MM).contains(&amplitude);
-        problems.require(is_possible, &format!("condition.{name}.amplitude_mm"), &range, amplitude);
+        problems.require(is_possible, &format!("{name}.amplitude_mm"), &range, amplitude);
         let is_possible = (-360.0..=360.0).contains(&phase);
-        problems.require(is_possible, &format!("condition.{name}.phase_deg"), "within 360 degrees", phase);
+        problems.require(is_possible, &format!("{name}.phase_deg"), "within 360 degrees", phase);
     }
 }
 
 fn leading_edge(leading: &LeadingEdge, problems: &mut Problems<'_>) {
     let range = format!("1 to {MAX_EDGES}");
     let is_possible = (1..=MAX_EDGES as u32).contains(&leading.edge);
-    problems.require(is_possible, "condition.leading_edge.edge", &range, leading.edge);
+    problems.require(is_possible, "leading_edge.edge", &range, leading.edge);
     let is_possible = (-360.0..=360.0).contains(&leading.phase_deg);
-    problems.require(is_possible, "condition.leading_edge.phase_deg", "within 360 degrees", leading.phase_deg);
-    let interval = match leading.rotation {
+    problems.require(is_possible, "leading_edge.phase_deg", "within 360 degrees", leading.phase_deg);
+    let (field, interval) = match leading.rotation {
         RoleRotation::Fixed => return,
-        RoleRotation::EveryParts(parts) => f64::from(parts),
-        RoleRotation::EverySeconds(seconds) => seconds,
+        RoleRotation::EveryParts(parts) => ("leading_edge.every_parts", f64::from(parts)),
+        RoleRotation::EverySeconds(seconds) => ("leading_edge.every_s", seconds),
     };
     let is_possible = interval.is_finite() && interval > 0.0;
-    problems.require(is_possible, "condition.leading_edge.rotation", "positive and finite", interval);
+    problems.require(is_possible, field, "positive and finite", interval);
 }
 
 fn tables(named: &NamedCondition, problems: &mut Problems<'_>) {

@@ -87,9 +87,9 @@ fn oscillation_conditions_are_checked_with_their_fields() {
         "[0].feed.amplitude_mm",
         "[0].cross.waveform",
         "[0].tables[1]",
-        "[1].period",
+        "[1].period_s",
         "[1].leading_edge.phase_deg",
-        "[1].leading_edge.rotation",
+        "[1].leading_edge.every_parts",
     ] {
         assert!(found.contains(&field(place)), "{place} not in {found:?}");
     }
