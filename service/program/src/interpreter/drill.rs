@@ -11,6 +11,7 @@ mod drive;
 mod levels;
 mod pattern;
 mod tap;
+mod transformed;
 mod words;
 
 pub(super) use self::cut::MAX_STROKES;
@@ -19,7 +20,6 @@ use super::execute::Execution;
 use super::motion::{Frame, set_bits};
 use super::tool_control::{GuidedPath, ROTARY_LETTERS};
 use crate::code;
-use crate::coordinates::direction;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::{Cycle, Motion, ToolControl, ToolMode};
 use crate::{
@@ -248,62 +248,6 @@ impl Execution<'_> {
         self.findings.push_with(code, |code| Finding::new(code, span, message).suggest(cure));
     }
 
-    /// Whether the coordinates change what the levels of a cycle mean, so that it is refused; that is then reported.
-    fn is_cycle_transformed(&mut self, cycle: Cycle, axis: Axis) -> bool {
-        let Some(transform) = &self.state.coords.transform else { return false };
-        let message = if transform.factor(axis) != 1.0 {
-            "what the levels of a cycle are along a scaled or mirrored axis depends on the control"
-        } else if !transform.keeps_plane(self.state.plane) {
-            "a drilling cycle in another plane than that of the rotation"
-        } else if matches!(cycle, Cycle::FineBore | Cycle::BackBore) {
-            "in which direction the tool is moved off the wall in transformed coordinates depends on the control"
-        } else {
-            return false;
-        };
-        self.refuse_cycle(
-            code::COORD_SHAPE,
-            message,
-            "write the moves with G0 and G1, or the cycle in plain coordinates",
-        );
-        true
-    }
-
-    /// By which angle the holes of a block with repeats follow each other in polar coordinates; an error where they differ in more.
-    fn polar_steps(&self, axes: u32) -> Result<Option<f64>, ()> {
-        if self.state.coords.polar.is_none() || self.state.absolute {
-            return Ok(None);
-        }
-        let (first, second) = self.state.plane.axes();
-        if axes & self.letters_of(first) != 0 {
-            return Err(());
-        }
-        let angle = self.block.letters & axes & self.letters_of(second) != 0;
-        Ok(angle.then(|| self.scaled(self.block.slot(self.letters_of(second).trailing_zeros() as usize), false)))
-    }
-
-    #[cold]
-    fn refuse_polar_steps(&mut self) {
-        let span = self.block.span();
-        self.coord(
-            code::COORD_AMBIGUOUS,
-            span,
-            "repeats with an incremental radius in polar coordinates: controls differ in the pole of the further holes",
-            "write each hole in a block of its own",
-        );
-    }
-
-    /// The next hole on the circle.
-    fn next_polar_hole(&mut self, at: &mut Position, step_deg: f64) {
-        let (first, second) = self.state.plane.axes();
-        let Some(polar) = &mut self.state.coords.polar else { return };
-        let (Some(radius_mm), Some(angle_deg)) = (polar.radius_mm, polar.angle_deg) else { return };
-        let angle_deg = angle_deg + step_deg;
-        polar.angle_deg = Some(angle_deg);
-        let [cosine, sine] = direction(angle_deg);
-        at[first.index()] = radius_mm * cosine;
-        at[second.index()] = radius_mm * sine;
-    }
-
     /// The letters of the words that place an axis.
     pub(super) fn letters_of(&self, axis: Axis) -> u32 {
         let letters = self.table.dialect.letters.iter().enumerate();
@@ -367,14 +311,18 @@ impl Execution<'_> {
             return self.held_start(self.block.span());
         }
         if held_before != held {
-            // Where the tool comes from only the machine knows: even a place with the same numbers may be another one.
-            let modal = std::mem::replace(&mut self.state.path_control, PathControl::ExactPath);
-            let mut over = at;
-            over[hole.axis] = start[hole.axis];
-            self.drill_guided(MoveKind::Rapid, over, Feed::PerMinute(0.0));
-            self.state.path_control = modal;
+            self.come_over(&hole, &start, at);
         }
         self.emit_holes(&hole);
+    }
+
+    /// Moves over a hole from where only the machine knows: even a place with the same numbers may be another one.
+    fn come_over(&mut self, hole: &Hole, start: &Position, at: Position) {
+        let modal = std::mem::replace(&mut self.state.path_control, PathControl::ExactPath);
+        let mut over = at;
+        over[hole.axis] = start[hole.axis];
+        self.drill_guided(MoveKind::Rapid, over, Feed::PerMinute(0.0));
+        self.state.path_control = modal;
     }
 
     /// Reports words of axes that the cycle does not move.

@@ -1,16 +1,15 @@
 //! Programs: uploaded by content, continued where an upload broke off; found again, read and interpreted.
 
-use std::collections::BTreeMap;
+mod further;
 
-use feedwave_contract::convert::{self, MAX_PROGRAM_FILES, timestamp};
+use feedwave_contract::convert::{self, timestamp};
 use feedwave_contract::names;
-use feedwave_contract::proto::program_file::Source as FileSource;
 use feedwave_contract::proto::programs_server::Programs;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
     DeleteProgramRequest, DeleteProgramResponse, GetProgramRequest, GetProgramResponse, GetUploadRequest,
     GetUploadResponse, ImproveRequest, ImproveResponse, InterpretRequest, InterpretResponse, JobSettings,
-    ListProgramsRequest, ListProgramsResponse, ListUploadsRequest, ListUploadsResponse, Program, ProgramFile,
+    ListProgramsRequest, ListProgramsResponse, ListUploadsRequest, ListUploadsResponse, Program,
     ProgramsDeleteProgramRequest, ProgramsDeleteProgramResponse, ReadProgramRequest, ReadProgramResponse, Upload,
     UploadChunk, UploadHeader, UploadProgramRequest, UploadProgramResponse, improve_request, interpret_request,
 };
@@ -34,14 +33,6 @@ fn wrong_offset(expected: u64, given: u64) -> Error {
         reason: "UPLOAD_OFFSET",
         message: format!("the upload continues at byte {expected}, not at byte {given}"),
         metadata: vec![("expected_offset", expected.to_string())],
-    }
-}
-
-/// The identifier of a checked further file that is stored.
-fn stored_id(file: &ProgramFile) -> Result<ProgramId> {
-    match &file.source {
-        Some(FileSource::Program(name)) => program_id("programs", name),
-        _ => Err(Error::internal("a further file was neither accepted nor refused")),
     }
 }
 
@@ -354,97 +345,6 @@ impl Api {
         let settings = JobSettings { tools, programs, offsets: request.offsets, ..JobSettings::default() };
         let config = convert::pipeline_config(profile, &settings);
         Ok(Given { tenant: self.caller.tenant(), config, source, program_bytes })
-    }
-
-    /// Checks the further program files of a request that has `inline_bytes` beside them.
-    pub(super) fn check_program_files(
-        &self,
-        violations: &mut Violations,
-        field: &str,
-        files: &[ProgramFile],
-        inline_bytes: usize,
-    ) {
-        convert::check_file_names(violations, field, files.iter().map(|file| file.name.as_str()));
-        let mut bytes = inline_bytes as u64;
-        for (index, file) in files.iter().take(MAX_PROGRAM_FILES).enumerate() {
-            let field = format!("{field}[{index}]");
-            match &file.source {
-                Some(FileSource::InlineProgram(program)) => {
-                    bytes += program.len() as u64;
-                    if file.name.is_empty() {
-                        violations.add(format!("{field}.name"), "must be set for an inline program");
-                    }
-                }
-                Some(FileSource::Program(name)) => {
-                    violations.check(format!("{field}.program"), names::parse_program::<ProgramId>(name));
-                }
-                None => violations.add(format!("{field}.source"), "inline_program or program must be set"),
-            }
-        }
-        let limit = self.limits.inline_program_bytes;
-        if bytes > limit && !files.is_empty() {
-            let reason =
-                format!("have {bytes} bytes inline with the program, more than the {limit} allowed; upload them");
-            violations.add(field, reason);
-        }
-    }
-
-    /// The bytes of a program with its checked further files, and those files with the names by which calls find them.
-    pub(super) async fn sources(&self, own: File, files: &[ProgramFile]) -> Result<(Source, Vec<ProgramFile>)> {
-        let mut all = vec![own];
-        let mut named = self.named_files(files).await?;
-        for file in &mut named {
-            all.push(match &file.source {
-                Some(FileSource::InlineProgram(program)) => File::Memory(program.clone()),
-                _ => {
-                    let own = stored_id(file)?.of_tenant(self.caller.tenant());
-                    File::stored(self.store.of_all_tenants().clone(), own)
-                }
-            });
-            // Only the names are needed further on.
-            file.source = None;
-        }
-        Ok((Source::new(all), named))
-    }
-
-    /// Checked further files, with the names of their uploads where they state none; those that are stored are there.
-    pub(super) async fn named_files(&self, files: &[ProgramFile]) -> Result<Vec<ProgramFile>> {
-        let mut violations = Violations::default();
-        let mut named: Vec<ProgramFile> = files.to_vec();
-        for (index, file) in named.iter_mut().enumerate() {
-            if let Some(FileSource::Program(_)) = &file.source {
-                let entry = self.store.program_entry(stored_id(file)?).await?;
-                if file.name.is_empty() {
-                    file.name = entry.file_name;
-                }
-            }
-            if file.name.is_empty() {
-                violations.add(format!("programs[{index}].name"), "must be set: its upload had no file name");
-            }
-        }
-        let mut seen = BTreeMap::new();
-        for (index, file) in named.iter().enumerate().filter(|(_, file)| !file.name.is_empty()) {
-            if let Some(first) = seen.insert(file.name.to_lowercase(), index) {
-                violations.add(format!("programs[{index}].name"), format!("is that of file {first} too"));
-            }
-        }
-        violations.finish()?;
-        Ok(named)
-    }
-
-    /// Stores the inline ones of checked further files; all of them as references, and their identifiers.
-    pub(super) async fn store_files(&self, files: &[ProgramFile]) -> Result<(Vec<ProgramFile>, Vec<ProgramId>)> {
-        let mut named = self.named_files(files).await?;
-        let mut ids = Vec::with_capacity(named.len());
-        for file in &mut named {
-            let id = match &file.source {
-                Some(FileSource::InlineProgram(program)) => self.store.put_program(program.clone()).await?.id,
-                _ => stored_id(file)?,
-            };
-            file.source = Some(FileSource::Program(names::program(id)));
-            ids.push(id);
-        }
-        Ok((named, ids))
     }
 
     /// Deletes a program, or what was received of one.

@@ -7,128 +7,19 @@ use feedwave_program::{Axis, Finding, SourceSpan, SpindleDirection, SpindleSpeed
 
 use super::code;
 use super::feed_direction::{Plunge, turning_per_mm};
+use super::judgements::Judgements;
 use super::limits::{AxisShares, GuidedLimits, LeftLimits, Shortage, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
 use super::state::ActiveOscillation;
 use super::{
-    ConditionChoice, FloorArea, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
-    OscillationDrives, OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest,
-    OscillationRun, OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition,
-    judge, known_names, ramp_mm, synchronise,
+    ConditionChoice, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut, OscillationDrives,
+    OscillationInputs, OscillationJob, OscillationLimits, OscillationRequest, OscillationRun, OscillationSectionReport,
+    RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition, known_names, ramp_mm, synchronise,
 };
 use crate::shared::cut::Cut;
 use crate::shared::wording::{decimal, round_down};
 
 /// Components of unit vectors that differ by more are other directions.
 const TILTED: f64 = 1e-6;
-/// Most passes whose judgement is kept.
-const MAX_KNOWN: usize = 256;
-/// Most floors that are simulated for one program.
-const MAX_FLOORS: usize = 32;
-/// Most cells that are lowered in all of them, each as often as it is lowered: some seconds.
-const MAX_FLOOR_UPDATES: f64 = 2e9;
-
-/// Passes that were judged, so that like ones are judged once; while validating only.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Judgements {
-    known: Vec<Judgement>,
-    floors: usize,
-    floor_updates: f64,
-    floors_ended: bool,
-}
-
-#[derive(Clone, Debug)]
-struct Judgement {
-    tool: u32,
-    condition: OscillationCondition,
-    leading_edge: u32,
-    cut: OscillationCut,
-    limits: OscillationLimits,
-    /// Whether the tool is guided: what the drives do to it depends on that.
-    guided: bool,
-    span: SourceSpan,
-    report: Option<OscillationReport>,
-    findings: Vec<Finding>,
-}
-
-impl Judgements {
-    /// As [`judge`], with the floor as the profile says.
-    fn judge(
-        &mut self,
-        tool: u32,
-        mut job: OscillationJob<'_>,
-        floor: &FloorSettings,
-        found: &mut Vec<Finding>,
-    ) -> Option<OscillationReport> {
-        let guided = job.drives.is_some_and(|drives| drives.guided);
-        let like = self.known.iter().find(|known| {
-            known.tool == tool
-                && known.leading_edge == job.leading_edge
-                && known.cut == job.cut
-                && known.limits == job.limits
-                && known.guided == guided
-                && known.condition == *job.condition
-        });
-        if let Some(known) = like {
-            let here = known.findings.iter().cloned().map(|mut finding| {
-                if finding.span == known.span {
-                    finding.span = job.span;
-                }
-                finding
-            });
-            found.extend(here);
-            return known.report.clone();
-        }
-        job.floor = self.floor(&job, floor, found);
-        let (report, findings) = judge(&job);
-        found.extend(findings.iter().cloned());
-        if self.known.len() < MAX_KNOWN {
-            self.known.push(Judgement {
-                tool,
-                condition: job.condition.clone(),
-                leading_edge: job.leading_edge,
-                cut: job.cut,
-                limits: job.limits,
-                guided,
-                span: job.span,
-                report: report.clone(),
-                findings,
-            });
-        }
-        report
-    }
-
-    /// The part of the floor that is simulated for a cut; nothing once the most were, which is a finding once.
-    fn floor(
-        &mut self,
-        job: &OscillationJob<'_>,
-        settings: &FloorSettings,
-        found: &mut Vec<Finding>,
-    ) -> Option<FloorArea> {
-        let area = settings.area(job.tool, &job.cut)?;
-        // With the oscillation, and without it.
-        let updates = 2.0 * area.updates(job.tool, &job.cut);
-        let fits = self.floors < MAX_FLOORS && self.floor_updates + updates <= MAX_FLOOR_UPDATES;
-        if fits && !self.floors_ended {
-            self.floors += 1;
-            self.floor_updates += updates;
-            return Some(area);
-        }
-        if !std::mem::replace(&mut self.floors_ended, true) {
-            let message = format!(
-                "the floor of this and of further cuts is not simulated: {} different ones were, which is as much as one \
-                 validation computes",
-                self.floors
-            );
-            found.push(
-                Finding::new(code::OSC_FLOOR, job.span, message)
-                    .with_value("simulated", self.floors as f64, "")
-                    .suggest("validate a part of the program to see its floor"),
-            );
-        }
-        None
-    }
-}
-
 /// Where a pass is judged.
 #[derive(Clone, Copy, Debug)]
 struct Place {

@@ -1,19 +1,20 @@
 //! Replicas that share a database of a PostgreSQL server. The tests need a server: `tests/postgres/run.sh` starts one and
 //! says in `FEEDWAVE_TEST_STORE` where it is.
 
-#[path = "../../../tests/src/database.rs"]
+#[path = "../../../../tests/src/database.rs"]
 mod database;
+
+mod audit;
+mod connections;
 mod proxy;
 
 use std::collections::HashSet;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use feedwave_store::{
-    Attempt, AuditFilter, AuditRequest, AuditResult, CopyError, DecisionFilter, EventFilter, FindingCounts,
-    Fingerprint, JobState, NewDecision, NewJob, NewReport, NewRun, PageRequest, Presence, ProgramId, RawValue,
-    RunCommit, RunKind, Store, StoreError, StoreSettings, StoreUri, Tenant,
+    Attempt, AuditFilter, AuditRequest, CopyError, DecisionFilter, EventFilter, FindingCounts, Fingerprint, JobState,
+    NewDecision, NewJob, NewReport, NewRun, PageRequest, Presence, ProgramId, RawValue, RunCommit, RunKind, Store,
+    StoreError, StoreSettings, StoreUri, Tenant,
 };
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions as _, PgConnection};
@@ -296,75 +297,6 @@ async fn what_is_not_ours_or_newer_is_refused() {
     assert!(matches!(refused, StoreError::CannotOpen { .. }), "{refused}");
 }
 
-#[tokio::test]
-#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
-async fn who_reads_the_audit_log_on_misses_nothing_that_replicas_write_at_once() {
-    const ENTRIES: usize = 60;
-    let place = Place::new();
-    let stores = [place.open().await, place.open().await, place.open().await];
-    let mut writers = tokio::task::JoinSet::new();
-    for store in stores.clone() {
-        for _ in 0..ENTRIES {
-            let store = store.clone();
-            writers.spawn(async move {
-                // A character that PostgreSQL cannot keep is no way to go unseen.
-                let asked = AuditRequest { request_id: "a\0b".into(), ..AuditRequest::default() };
-                let sequence = store.begin_audit(asked, None).await.unwrap();
-                let done = AuditResult { code: "OK".into(), ..AuditResult::default() };
-                store.end_audit(sequence, done).await.unwrap();
-            });
-        }
-    }
-    let mut seen = Vec::new();
-    while seen.len() < stores.len() * ENTRIES {
-        let after = seen.last().copied().unwrap_or(0);
-        let entries = stores[0].audit_after(after, &AuditFilter::default(), 1_000).await.unwrap();
-        seen.extend(entries.iter().map(|entry| entry.sequence));
-        tokio::task::yield_now().await;
-    }
-    assert!(seen.iter().copied().eq(1..=seen.len() as i64), "{seen:?}");
-    while let Some(written) = writers.join_next().await {
-        written.unwrap();
-    }
-    let entries = stores[1].audit_after(0, &AuditFilter::default(), 1_000).await.unwrap();
-    assert!(entries.iter().all(|entry| entry.result.is_some() && entry.request.request_id == "a\u{fffd}b"));
-}
-
-#[tokio::test]
-#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
-async fn who_follows_changes_of_the_audit_log_sees_each_result_once_that_replicas_write_at_once() {
-    const ENTRIES: usize = 60;
-    let place = Place::new();
-    let stores = [place.open().await, place.open().await, place.open().await];
-    let mut writers = tokio::task::JoinSet::new();
-    for store in stores.clone() {
-        for number in 0..ENTRIES {
-            let store = store.clone();
-            writers.spawn(async move {
-                let asked = AuditRequest { tenant: format!("plant-{}", number % 3), ..AuditRequest::default() };
-                let sequence = store.begin_audit(asked, None).await.unwrap();
-                let done = AuditResult { code: "OK".into(), ..AuditResult::default() };
-                store.end_audit(sequence, done).await.unwrap();
-            });
-        }
-    }
-    let (mut cursor, mut results) = (0, Vec::new());
-    while results.len() < stores.len() * ENTRIES {
-        for entry in stores[0].audit_changed_after(cursor, &AuditFilter::default(), 50).await.unwrap() {
-            assert!(entry.change > cursor);
-            cursor = entry.change;
-            results.extend(entry.result.is_some().then_some(entry.sequence));
-        }
-        tokio::task::yield_now().await;
-    }
-    while let Some(written) = writers.join_next().await {
-        written.unwrap();
-    }
-    results.sort_unstable();
-    assert!(results.iter().copied().eq(1..=results.len() as i64), "{results:?}");
-    assert!(stores[1].audit_changed_after(cursor, &AuditFilter::default(), 1).await.unwrap().is_empty());
-}
-
 // One copy with a record of every kind, and what goes on behind each.
 #[tokio::test]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
@@ -516,88 +448,4 @@ async fn what_is_not_as_it_was_written_is_found_by_its_record() {
     assert!(refused.to_string().contains("pg_dump"), "{refused}");
     let refused = feedwave_store::restore(&place.store_uri(), &folder.path().join("copy.db"), false).await.unwrap_err();
     assert!(refused.to_string().contains("pg_restore"), "{refused}");
-}
-
-/// Comes back when a store works.
-async fn ready(store: &Store) {
-    let works = async {
-        while store.ping().await.is_err() {
-            tokio::task::yield_now().await;
-        }
-    };
-    timeout(SOON, works).await.expect("the store works again");
-}
-
-#[tokio::test(flavor = "multi_thread")]
-#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
-async fn connections_that_fall_silent_cost_a_moment() {
-    const READERS: usize = 12;
-    let place = Place::new();
-    let other = place.open().await;
-    let (store, proxy) = place.open_by_proxy().await;
-    let program = program(&store).await;
-    let job = store.create_job(new_job("first", program)).await.unwrap();
-    for round in 0..3 {
-        // More readers than connections, so that some of them read and others wait whenever it is.
-        let reads: Arc<[AtomicU64; READERS]> = Arc::default();
-        let mut readers = tokio::task::JoinSet::new();
-        for reader in 0..READERS {
-            let (store, reads, id) = (store.clone(), reads.clone(), job.id);
-            readers.spawn(async move {
-                loop {
-                    let read = timeout(SOON, store.job(id)).await.expect("a read comes back");
-                    reads[reader].fetch_add(u64::from(read.is_ok()), Ordering::Relaxed);
-                }
-            });
-        }
-        let all_read = async |times: u64| {
-            let from = reads.each_ref().map(|reads| reads.load(Ordering::Relaxed));
-            let read = async {
-                while reads.iter().zip(from).any(|(reads, from)| reads.load(Ordering::Relaxed) < from + times) {
-                    tokio::task::yield_now().await;
-                }
-            };
-            timeout(SOON, read).await.expect("everybody reads");
-        };
-        all_read(20).await;
-        proxy.cut(true);
-        // What another replica writes is seen, and what this one is asked to write is written.
-        let theirs = other.create_job(new_job(&format!("theirs {round}"), program)).await.unwrap();
-        let mut events = store.watch_events();
-        let seen = timeout(SOON, events.wait_for(|newest| *newest >= theirs.sequence)).await;
-        assert!(seen.expect("it is seen soon").is_ok());
-        let created = timeout(SOON, store.create_job(new_job(&format!("ours {round}"), program))).await;
-        created.expect("it is written soon").unwrap();
-        // Those in use may leave no connection for a moment.
-        let put =
-            async { while store.put_program(Tenant::DEFAULT, format!("N{round}\nM30\n").into()).await.is_err() {} };
-        timeout(SOON, put).await.expect("it is written soon");
-        all_read(20).await;
-        readers.shutdown().await;
-        ready(&store).await;
-    }
-    timeout(SOON, store.close()).await.expect("it is closed soon");
-}
-
-#[tokio::test(flavor = "multi_thread")]
-#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
-async fn a_replica_that_is_cut_off_is_not_ready_until_it_is_there_again() {
-    let place = Place::new();
-    let (store, proxy) = place.open_by_proxy().await;
-    let id = program(&store).await;
-    store.ping().await.unwrap();
-    proxy.cut(false);
-    let silent = async {
-        while store.ping().await.is_ok() {
-            tokio::task::yield_now().await;
-        }
-    };
-    timeout(SOON, silent).await.expect("it is not ready");
-    let read = timeout(SOON, store.program_info(id)).await.expect("the read comes back");
-    assert!(matches!(&read, Err(StoreError::Unavailable { .. })), "{read:?}");
-    proxy.cut(true);
-    ready(&store).await;
-    store.program_info(id).await.unwrap();
-    store.create_job(new_job("r", id)).await.unwrap();
-    timeout(SOON, store.close()).await.expect("it is closed soon");
 }
