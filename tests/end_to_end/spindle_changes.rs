@@ -116,6 +116,7 @@ fn turned(setpoints: &[Vec<u64>], column: usize, index: u64) -> f64 {
     angle(index + 1) - angle(index)
 }
 
+// One run through its sections, each of which begins with what the one before left.
 #[tokio::test]
 async fn a_speed_is_requested_between_sections_and_in_force_once_it_is_reached() {
     let mut driven = Driven::begin(SECTIONS, 0.05).await;

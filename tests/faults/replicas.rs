@@ -327,6 +327,7 @@ async fn all_jobs(clients: &mut Clients) -> HashMap<String, JobState> {
     }
 }
 
+// One history of work and faults, and what is left of it behind them.
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn nothing_is_lost_done_twice_or_reordered_when_replicas_and_the_database_fail() {

@@ -19,6 +19,7 @@ mod response;
 mod squares;
 
 use core::f64::consts::PI;
+use core::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -207,71 +208,81 @@ pub fn learn(model: &LearningModel, records: &[CutRecord<'_>]) -> Result<Learnt,
     fit::fit(model, records)
 }
 
+fn within(
+    field: &'static str,
+    value: f64,
+    range: RangeInclusive<f64>,
+    permitted: &'static str,
+) -> Result<(), LearningError> {
+    if range.contains(&value) { Ok(()) } else { Err(LearningError::Value { field, value, permitted }) }
+}
+
 fn check(model: &LearningModel, records: &[CutRecord<'_>]) -> Result<(), LearningError> {
-    let within = |field, value: f64, low: f64, high: f64, permitted| {
-        if (low..=high).contains(&value) { Ok(()) } else { Err(LearningError::Value { field, value, permitted }) }
-    };
-    within("sample rate", model.sample_rate_hz, 100.0, 1e6, "100 to 1000000 Hz")?;
-    within("number of edges", f64::from(model.edges), 1.0, f64::from(MAX_EDGES), "1 to 64")?;
-    within("entry angle", model.entry_rad, 0.0, PI - 1e-3, "0 to below half a turn")?;
-    within(
-        "exit angle",
-        model.exit_rad,
-        model.entry_rad + 1e-3,
-        PI + 1e-9,
-        "above the entry angle, at most half a turn",
-    )?;
-    for mode in [&model.mode_x, &model.mode_y] {
-        within("frequency", mode.frequency_hz, 1.0, 0.45 * model.sample_rate_hz, "1 Hz to 0.45 of the sample rate")?;
-        within("damping ratio", mode.damping_ratio, 1e-4, 0.9, "0.0001 to 0.9")?;
-        within("stiffness", mode.stiffness_n_per_mm, 1e-3, 1e9, "0.001 to 1e9 N/mm")?;
-    }
+    check_model(model)?;
     if !(1..=MAX_RECORDS).contains(&records.len()) {
         let which = "as records";
         return Err(LearningError::Samples { samples: records.len(), which, least: 1, most: MAX_RECORDS });
     }
     let mut all = 0;
     for (record, cut) in records.iter().enumerate() {
-        let samples = cut.spindle_angle_deg.len();
-        if [cut.deflection_mm.x.len(), cut.deflection_mm.y.len()] != [samples; 2] {
-            return Err(LearningError::Columns { record });
-        }
-        let least = MIN_RECORD_SAMPLES + settling_samples(model);
-        if samples < least {
-            let which = "in a record";
-            return Err(LearningError::Samples { samples, which, least, most: MAX_LEARNING_SAMPLES });
-        }
-        all += samples;
-        within("feed", cut.feed_mm_per_min, 1e-3, 1e6, "0.001 to 1000000 mm/min")?;
-        within("depth", cut.depth_mm, 1e-6, 1e3, "0.000001 to 1000 mm")?;
-        let [x, y] = cut.feed_direction;
-        within("angle of the first edge", cut.first_edge_deg, -360.0, 360.0, "-360 to 360 degrees")?;
-        if let Some(place) = cut.missing.iter().find(|place| **place as usize >= samples) {
-            let (value, permitted) = (f64::from(*place), "that of a sample");
-            return Err(LearningError::Value { field: "the place of a missing sample", value, permitted });
-        }
-        let judged = samples - settling_samples(model);
-        if judged - cut.missing.len().min(judged) < MIN_RECORD_SAMPLES {
-            let which = "of a record that are not missing";
-            let samples = judged - cut.missing.len().min(judged);
-            return Err(LearningError::Samples {
-                samples,
-                which,
-                least: MIN_RECORD_SAMPLES,
-                most: MAX_LEARNING_SAMPLES,
-            });
-        }
-        within("length of the feed direction", libm::hypot(x, y), 1.0 - 1e-6, 1.0 + 1e-6, "1")?;
-        let columns = [cut.deflection_mm.x, cut.deflection_mm.y, cut.spindle_angle_deg];
-        if let Some(value) = columns.into_iter().flatten().find(|value| !value.is_finite()) {
-            return Err(LearningError::Value { field: "a sample", value: *value, permitted: "finite" });
-        }
-        let turned_deg = cut.spindle_angle_deg[samples - 1] - cut.spindle_angle_deg[0];
-        within("turns of the spindle in a record", turned_deg.abs() / 360.0, 3.0, 1e9, "3 at least")?;
+        check_record(model, record, cut)?;
+        all += cut.spindle_angle_deg.len();
     }
     if all > MAX_LEARNING_SAMPLES {
         let which = "in all";
         return Err(LearningError::Samples { samples: all, which, least: 0, most: MAX_LEARNING_SAMPLES });
     }
     Ok(())
+}
+
+fn check_model(model: &LearningModel) -> Result<(), LearningError> {
+    within("sample rate", model.sample_rate_hz, 100.0..=1e6, "100 to 1000000 Hz")?;
+    within("number of edges", f64::from(model.edges), 1.0..=f64::from(MAX_EDGES), "1 to 64")?;
+    within("entry angle", model.entry_rad, 0.0..=PI - 1e-3, "0 to below half a turn")?;
+    let exit_rad = model.entry_rad + 1e-3..=PI + 1e-9;
+    within("exit angle", model.exit_rad, exit_rad, "above the entry angle, at most half a turn")?;
+    for mode in [&model.mode_x, &model.mode_y] {
+        let frequency_hz = 1.0..=0.45 * model.sample_rate_hz;
+        within("frequency", mode.frequency_hz, frequency_hz, "1 Hz to 0.45 of the sample rate")?;
+        within("damping ratio", mode.damping_ratio, 1e-4..=0.9, "0.0001 to 0.9")?;
+        within("stiffness", mode.stiffness_n_per_mm, 1e-3..=1e9, "0.001 to 1e9 N/mm")?;
+    }
+    Ok(())
+}
+
+fn check_record(model: &LearningModel, record: usize, cut: &CutRecord<'_>) -> Result<(), LearningError> {
+    let samples = cut.spindle_angle_deg.len();
+    if [cut.deflection_mm.x.len(), cut.deflection_mm.y.len()] != [samples; 2] {
+        return Err(LearningError::Columns { record });
+    }
+    let settling = settling_samples(model);
+    let least = MIN_RECORD_SAMPLES + settling;
+    if samples < least {
+        return Err(LearningError::Samples { samples, which: "in a record", least, most: MAX_LEARNING_SAMPLES });
+    }
+    within("feed", cut.feed_mm_per_min, 1e-3..=1e6, "0.001 to 1000000 mm/min")?;
+    within("depth", cut.depth_mm, 1e-6..=1e3, "0.000001 to 1000 mm")?;
+    within("angle of the first edge", cut.first_edge_deg, -360.0..=360.0, "-360 to 360 degrees")?;
+    if let Some(place) = cut.missing.iter().find(|place| **place as usize >= samples) {
+        let (value, permitted) = (f64::from(*place), "that of a sample");
+        return Err(LearningError::Value { field: "the place of a missing sample", value, permitted });
+    }
+    let judged = samples - settling;
+    let left = judged - cut.missing.len().min(judged);
+    if left < MIN_RECORD_SAMPLES {
+        return Err(LearningError::Samples {
+            samples: left,
+            which: "of a record that are not missing",
+            least: MIN_RECORD_SAMPLES,
+            most: MAX_LEARNING_SAMPLES,
+        });
+    }
+    let [x, y] = cut.feed_direction;
+    within("length of the feed direction", libm::hypot(x, y), 1.0 - 1e-6..=1.0 + 1e-6, "1")?;
+    let columns = [cut.deflection_mm.x, cut.deflection_mm.y, cut.spindle_angle_deg];
+    if let Some(value) = columns.into_iter().flatten().find(|value| !value.is_finite()) {
+        return Err(LearningError::Value { field: "a sample", value: *value, permitted: "finite" });
+    }
+    let turned_deg = cut.spindle_angle_deg[samples - 1] - cut.spindle_angle_deg[0];
+    within("turns of the spindle in a record", turned_deg.abs() / 360.0, 3.0..=1e9, "3 at least")
 }

@@ -246,6 +246,7 @@ impl Interpreter {
     }
 
     /// Reads one whole line without its end.
+    // As long as the kinds of lines: whoever takes one returns, and the order is that of what is asked first.
     #[inline]
     fn line(&mut self, mut line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         // Nothing can be in front of the first line, so that later ones need one comparison only.

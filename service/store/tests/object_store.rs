@@ -79,6 +79,7 @@ async fn answer(State(fake): State<Shared>, request: Request) -> Response {
     served(&fake, &parts.method, &parts.uri, &parts.headers, body, mood)
 }
 
+// As long as the requests that an object store is sent: an arm for each.
 fn served(fake: &Shared, method: &Method, uri: &Uri, headers: &HeaderMap, body: Bytes, mood: Mood) -> Response {
     let mut fake = fake.lock().unwrap();
     let key = uri.path().to_owned();

@@ -45,7 +45,7 @@ impl<T: Modal> Switch<T> {
         self.on.is_some()
     }
 
-    /// See the field.
+    /// Whether it was switched on with words that cannot be used, which was reported.
     pub(crate) const fn is_unusable(&self) -> bool {
         self.unusable
     }

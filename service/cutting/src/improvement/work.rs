@@ -15,7 +15,7 @@ use crate::{PipelineConfig, Step, Validation, ValidationReport};
 /// Validations of programs with changes that are tried one after the other, beside those of all vibrations at once.
 const MAX_TRIALS: u32 = 200;
 
-/// See the module.
+/// The program as it was given, and what of it was validated.
 pub(super) struct Work<'a, S> {
     pub(super) program: &'a [u8],
     pub(super) lines: Lines,

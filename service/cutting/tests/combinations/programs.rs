@@ -239,6 +239,7 @@ fn thread(numbers: &Numbers) -> Case {
 }
 
 /// Cuts of a guided tool, with the function and perhaps another one on.
+// As long as the program that it writes.
 fn guided(function: Function, name: &str, description: KinematicsDescription, numbers: &Numbers) -> Case {
     let mut config = config_of(description);
     let letters = kinematics(&config).letters().1.map(Axis::letter);

@@ -125,6 +125,7 @@ impl Registrar {
 
 impl Metrics {
     /// Figures at zero.
+    // As long as the list of figures.
     #[must_use]
     pub fn new() -> Self {
         let registrar = Registrar(Registry::new());
