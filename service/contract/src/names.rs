@@ -5,6 +5,9 @@ use std::str::FromStr;
 
 use uuid::Uuid;
 
+/// The header by which a client that acts for any tenant says for which.
+pub const TENANT_HEADER: &str = "x-feedwave-tenant";
+
 /// Why a text is not the resource name that is wanted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NameError {

@@ -12,7 +12,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
-pub use caller::{Caller, TENANT_HEADER};
+pub use caller::Caller;
+use feedwave_contract::names::TENANT_HEADER;
 use feedwave_store::Tenant;
 use http::{HeaderMap, header};
 use jiff::Timestamp;

@@ -25,12 +25,11 @@ use std::sync::Arc;
 use feedwave_store::{Page, PageRequest, Scope, Store, StoreError};
 use tonic::{Request, Response, Status};
 
-pub(crate) use decisions::{DecisionLog, decision_from_record};
+pub(crate) use decisions::DecisionLog;
 pub(crate) use events::EventLog;
 pub(crate) use guarded::deadline;
 pub(crate) use jobs::state_to_proto;
 pub(crate) use log::{Entry as LogEntry, LogFilter, LogWatch, Recent};
-pub(crate) use telemetry::{condition_to_proto, config_from_message, run_settings, run_state_to_proto};
 
 use crate::access::Caller;
 use crate::config::Limits;

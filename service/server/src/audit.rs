@@ -11,8 +11,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::access::Caller;
 use crate::engine::Engine;
-use crate::error::{Error, Result};
-use crate::observability::rpc::code_name;
+use crate::error::{Error, Result, code_name};
 
 /// How long refusals that are the same are counted by one entry.
 const WINDOW: Duration = Duration::from_secs(60);

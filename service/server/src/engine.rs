@@ -34,7 +34,6 @@ pub use active::{ActiveJobs, JobGuard};
 pub use interpretation::Actions;
 pub use live::LiveRun;
 pub(crate) use live::{LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
-pub(crate) use session::name_decision;
 pub use session::{MAX_BATCH_EVENTS, MAX_BATCH_SAMPLES};
 pub use source::{File, Source};
 pub use stream::Generator;

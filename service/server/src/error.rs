@@ -11,7 +11,7 @@ use tonic::{Code, Status};
 
 pub use feedwave_contract::violations::{InvalidRequest, MAX_VIOLATIONS, Violation, Violations};
 pub use status::MAX_STATUS_BYTES;
-pub(crate) use status::complete;
+pub(crate) use status::{code_name, complete};
 
 /// Domain of every `google.rpc.ErrorInfo` of this service.
 pub const DOMAIN: &str = "feedwave";

@@ -37,8 +37,8 @@ pub(crate) use handed_out::HandedOut;
 pub(crate) use machine::RunView;
 pub(crate) use presence::Presence;
 
+use crate::conditional::Tagged;
 use crate::error::Result;
-use crate::http::Tagged;
 use machine::{Connected, Logged, Machine};
 
 /// Least time between two states that a run tells of itself, unless something happens, and that a reader is given.

@@ -4,7 +4,6 @@
 
 mod bounds;
 mod calls;
-mod conditional;
 mod live;
 mod page;
 mod query;
@@ -22,7 +21,6 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use bounds::{Bounds, Panicked, bounded};
-pub(crate) use conditional::Tagged;
 use feedwave_contract::document::json_path;
 use feedwave_contract::proto::{
     GetJobRequest, GetReportRequest, GetRunRequest, JobStateCount, ListAuditEntriesRequest, ListDecisionsRequest,
@@ -42,13 +40,16 @@ use crate::access::{Access, of_route};
 use crate::api;
 use crate::api::Api;
 use crate::audit::{AuditLog, asked};
+use crate::conditional::{self, Tagged};
 use crate::connections::{App, Connection, in_json};
 use crate::error::{Error, Result, Violations};
 use crate::floor::Shown;
-use crate::lifecycle::REQUEST_ID;
 use crate::observability::metrics::{Metrics, machines, open, text_of};
 use crate::observability::{REVISION, VERSION};
 use crate::readiness::Readiness;
+
+/// The header with the id of a call.
+pub(crate) const REQUEST_ID: &str = "x-request-id";
 
 /// What the handlers work with.
 #[derive(Clone, Debug)]

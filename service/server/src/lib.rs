@@ -6,6 +6,7 @@
 pub mod access;
 pub mod api;
 mod audit;
+mod conditional;
 pub mod config;
 mod connections;
 pub mod engine;
@@ -21,6 +22,7 @@ pub mod observability;
 pub mod readiness;
 mod records;
 mod retention;
+pub mod rpc;
 pub mod services;
 mod stored;
 

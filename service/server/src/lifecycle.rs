@@ -14,7 +14,6 @@ use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
 use self::certificates::Certificates;
-pub(crate) use self::ports::REQUEST_ID;
 use self::ports::{Apps, Asked, Listeners, Ports};
 use crate::api::Api;
 use crate::audit::AuditLog;

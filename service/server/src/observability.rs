@@ -1,8 +1,6 @@
 //! How the service shows what it does: the log, traces, metrics.
 
-mod answer;
 pub mod metrics;
-pub mod rpc;
 
 use std::io::IsTerminal as _;
 

@@ -1,10 +1,14 @@
 //! Messages of the contract as documents of the store, which keeps their JSON without looking inside.
 
 mod former;
+mod runs;
 
 use feedwave_contract::json;
 pub(crate) use former::decision_from_stored;
 use prost::Name;
+pub(crate) use runs::{
+    condition_to_proto, config_from_message, decision_from_record, name_decision, run_settings, run_state_to_proto,
+};
 
 use crate::error::{Error, Result};
 

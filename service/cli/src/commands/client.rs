@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use feedwave_contract::columns::{self, Column};
+use feedwave_contract::names::TENANT_HEADER;
 use feedwave_contract::proto::audit_client::AuditClient;
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::machines_client::MachinesClient;
@@ -20,7 +21,6 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::{MAX_MESSAGE_BYTES, delta, raw_double};
 use feedwave_cutting::SetpointBlock;
-use feedwave_server::access::TENANT_HEADER;
 use sha2::{Digest, Sha256};
 use tonic::Status;
 use tonic::metadata::{Ascii, MetadataValue};

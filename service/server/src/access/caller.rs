@@ -9,9 +9,6 @@ use super::{Identity, Role, Tenants};
 use crate::connections::Connection;
 use crate::error::Result;
 
-/// The header by which a client that acts for any tenant says for which.
-pub const TENANT_HEADER: &str = "x-feedwave-tenant";
-
 /// Who a call is done for: a client, in one tenant. Cloning is cheap; clones are of the same call.
 #[derive(Clone, Debug)]
 pub struct Caller {

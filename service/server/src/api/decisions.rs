@@ -10,9 +10,8 @@ use tokio::sync::watch;
 
 use super::log::{Entry, Log, LogFilter, LogWatch, Stored};
 use super::{Api, LogPage, cursor, page_request};
-use crate::engine::name_decision;
-use crate::error::{Error, Result, Violations};
-use crate::stored::decision_from_stored;
+use crate::error::{Result, Violations};
+use crate::stored::decision_from_record;
 
 /// The log of decisions.
 #[derive(Debug)]
@@ -37,17 +36,6 @@ impl Log for DecisionLog {
         };
         Ok(records.iter().map(entry).collect())
     }
-}
-
-/// A stored decision.
-///
-/// # Errors
-/// [`Error::Damaged`] when it cannot be read.
-pub(crate) fn decision_from_record(record: &DecisionRecord) -> Result<Decision> {
-    let damaged = |error| Error::Damaged(format!("decision {} of run {}: {error}", record.number, record.run_id));
-    let mut decision = decision_from_stored(record.body.clone()).map_err(damaged)?;
-    name_decision(&mut decision, record);
-    Ok(decision)
 }
 
 impl Api {

@@ -23,11 +23,11 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
-use super::telemetry::{check_recordable, config_from_message, run_settings};
+use super::telemetry::check_recordable;
 use super::{Api, unreadable};
 use crate::engine::{self, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
-use crate::stored;
+use crate::stored::{self, config_from_message, run_settings};
 
 /// Configuration of the pipeline of a run.
 fn pipeline_config(detail: &JobDetail, settings: &RunSettings) -> Result<PipelineConfig> {

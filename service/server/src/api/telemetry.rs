@@ -12,12 +12,12 @@ use feedwave_contract::proto::telemetry_server::Telemetry;
 use feedwave_contract::proto::{
     AcknowledgeConditionRequest, AcknowledgeConditionResponse, BatchGap, GetMonitoringRequest, GetMonitoringResponse,
     GetRunRequest, GetRunResponse, IngestRequest, IngestResponse, IngestStart, IngestStarted, ListDecisionsRequest,
-    ListDecisionsResponse, ListRunsRequest, ListRunsResponse, Run, RunCondition, RunSettings, SetMonitoringRequest,
+    ListDecisionsResponse, ListRunsRequest, ListRunsResponse, Run, RunSettings, SetMonitoringRequest,
     SetMonitoringResponse, WatchDecisionsRequest, WatchDecisionsResponse,
 };
 use feedwave_contract::{names, proto};
 use feedwave_monitoring::{Monitor, MonitoringConfig, Recorder, RecordingLimits};
-use feedwave_store::{AttachedRun, NewRun, Run as RunRecord, RunCondition as ConditionRecord, RunKind, RunState};
+use feedwave_store::{AttachedRun, NewRun, Run as RunRecord, RunKind};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
@@ -27,7 +27,7 @@ use super::jobs::{ResponseStream, job_id};
 use super::{Api, page_request, unreadable};
 use crate::engine::Intake;
 use crate::error::{Error, Result, Violations};
-use crate::stored;
+use crate::stored::{self, condition_to_proto, config_from_message, run_settings, run_state_to_proto};
 
 /// Longest name of who acknowledges a condition, and longest note.
 const MAX_OPERATOR_CHARACTERS: usize = 200;
@@ -50,47 +50,6 @@ fn run_to_proto(run: &RunRecord) -> Run {
         open_conditions: run.open_conditions.try_into().unwrap_or(u32::MAX),
         ..Run::default()
     }
-}
-
-/// A condition as the contract has it.
-pub(crate) fn condition_to_proto(condition: &ConditionRecord) -> RunCondition {
-    let action = match condition.action.as_str() {
-        "hold_feed" => proto::DecisionAction::HoldFeed,
-        "stop" => proto::DecisionAction::Stop,
-        _ => proto::DecisionAction::Unspecified,
-    };
-    let seen = condition.acknowledged.as_ref();
-    RunCondition {
-        decision_number: condition.decision_number,
-        action: action.into(),
-        raise_time: Some(timestamp(condition.raised_us)),
-        acknowledge_time: seen.map(|seen| timestamp(seen.at_us)),
-        acknowledged_by: seen.map(|seen| seen.by.clone()).unwrap_or_default(),
-        note: seen.map(|seen| seen.note.clone()).unwrap_or_default(),
-    }
-}
-
-/// A state as the contract has it.
-#[must_use]
-pub(crate) const fn run_state_to_proto(state: RunState) -> proto::RunState {
-    match state {
-        RunState::Open => proto::RunState::Open,
-        RunState::Finished => proto::RunState::Finished,
-        RunState::Stopped => proto::RunState::Stopped,
-        RunState::Aborted => proto::RunState::Aborted,
-    }
-}
-
-/// What a stored run was made with.
-pub(crate) fn run_settings(run: &RunRecord) -> Result<RunSettings> {
-    stored::from_stored(run.settings.get())
-}
-
-/// How telemetry is judged, from a stored message.
-pub(crate) fn config_from_message(message: &proto::MonitoringConfig) -> Result<MonitoringConfig> {
-    let mut violations = Violations::default();
-    monitoring_from_proto(&mut violations, "config", message)
-        .ok_or_else(|| Error::internal(format!("a stored configuration is refused: {:?}", violations.as_slice())))
 }
 
 impl Api {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-use crate::access::TENANT_HEADER;
+use feedwave_contract::names::TENANT_HEADER;
 
 /// Most origins that can be listed.
 const MAX_ORIGINS: usize = 256;

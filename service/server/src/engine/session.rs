@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use feedwave_contract::convert::{
     action_name, conditions_of, decision_to_proto, learning_record_of, recorded_cut_to_proto, recording_from_proto,
-    state_to_proto, timestamp,
+    state_to_proto,
 };
 use feedwave_contract::{names, proto};
 use feedwave_monitoring::{
@@ -25,7 +25,7 @@ use uuid::Uuid;
 use self::messages::{batch_error, check_size, columns, event_from_proto, note_of};
 use crate::error::{Error, Result, Violations};
 use crate::observability::metrics::Metrics;
-use crate::stored;
+use crate::stored::{self, name_decision};
 
 mod messages;
 
@@ -410,14 +410,6 @@ fn on_grid(grid: Instant, at: Instant) -> Instant {
     let intervals = (at.saturating_duration_since(grid).as_nanos() + interval_ns / 2) / interval_ns;
     // Thirteen years of intervals are within 32 bits.
     grid + COMMIT_INTERVAL * u32::try_from(intervals).unwrap_or(u32::MAX)
-}
-
-/// Gives a decision its place in the log.
-pub(crate) fn name_decision(decision: &mut proto::Decision, record: &feedwave_store::DecisionRecord) {
-    decision.sequence = record.sequence.unsigned_abs();
-    decision.run = names::run(record.run_id);
-    decision.job = names::job(record.job_id);
-    decision.time = Some(timestamp(record.at_us));
 }
 
 #[cfg(test)]

@@ -15,8 +15,8 @@ use uuid::Uuid;
 use super::machine::Connected;
 use super::restore::view_of;
 use super::{Floor, Floors, Logged, RunView};
-use crate::api::condition_to_proto;
 use crate::error::{Error, Result};
+use crate::stored::condition_to_proto;
 
 /// How often others are told of everything, and heard.
 const PERIOD: Duration = Duration::from_millis(250);

@@ -6,9 +6,9 @@ use uuid::Uuid;
 
 use super::restore::view_of;
 use super::{Floor, Floors};
-use crate::api::condition_to_proto;
 use crate::error::{Error, Result};
 use crate::events::EventReader;
+use crate::stored::condition_to_proto;
 
 /// Keeps the floors as the log has them, until there are no more events.
 pub(crate) async fn follow(floors: Floors, store: Store, mut events: EventReader) {

@@ -14,9 +14,8 @@ use jiff::Timestamp;
 
 use super::alarms::{self, Alarms};
 use super::{Course, Floor, Logged, RunView, STATE_INTERVAL};
-use crate::api::{condition_to_proto, decision_from_record, run_settings};
 use crate::error::{Error, Result};
-use crate::stored;
+use crate::stored::{self, condition_to_proto, decision_from_record, run_settings};
 
 /// What the log has of a run.
 #[derive(Debug)]

@@ -10,9 +10,8 @@ use uuid::Uuid;
 
 use super::presence::RunBase;
 use super::{Floor, Floors, Logged, MAX_LOGGED, RunView};
-use crate::api::{condition_to_proto, config_from_message, run_settings};
 use crate::error::{Error, Result};
-use crate::stored;
+use crate::stored::{self, condition_to_proto, config_from_message, run_settings};
 
 impl Floors {
     /// Takes over the machines of the store and what the log says of their newest runs.

@@ -8,8 +8,8 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::get;
 
-use super::conditional::Tagged;
 use super::{HttpState, calls, unknown_path};
+use crate::conditional::Tagged;
 
 /// What the page may load and do: files and answers of its own origin, no script in a page, nothing around it.
 const POLICY: &str =

@@ -26,15 +26,12 @@ use crate::audit::AuditLog;
 use crate::config::{Config, ConnectionLimits};
 use crate::connections::{App, Clients, Connection, Port, Tls, app};
 use crate::error::Error;
-use crate::http::{HttpState, router};
+use crate::http::{HttpState, REQUEST_ID, router};
 use crate::mtconnect::{self, Agent, AgentState};
 use crate::observability::metrics::Metrics;
-use crate::observability::rpc::RpcLayer;
 use crate::readiness::Readiness;
+use crate::rpc::RpcLayer;
 use crate::services;
-
-/// The header with the id of a call.
-pub(crate) const REQUEST_ID: &str = "x-request-id";
 
 /// Longest request id that is taken over from a client, bytes: it comes back in the headers of the answer.
 const MAX_REQUEST_ID_BYTES: usize = 128;

@@ -12,9 +12,9 @@ use tokio::sync::OwnedSemaphorePermit;
 
 use super::feed::{Cause, Feed};
 use super::setpoints::{Next, Setpoints};
-use crate::api::decision_from_record;
 use crate::engine::{Engine, beyond_end};
 use crate::error::{Error, Result, Violations};
+use crate::stored::decision_from_record;
 use feedwave_contract::stream::ColumnSet;
 
 /// Differences reported at most.

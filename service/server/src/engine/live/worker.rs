@@ -419,7 +419,7 @@ impl Worker {
         let reached = reached(&self.setpoints, &self.feed, self.receipts.received(), self.total);
         self.view.end(state, self.session.monitor(), reached);
         let digest = setpoints.digest.unwrap_or_default().iter().map(|byte| format!("{byte:02x}")).collect();
-        let state = crate::api::run_state_to_proto(state).into();
+        let state = crate::stored::run_state_to_proto(state).into();
         self.tell(Message::Ended(proto::RunEnded { state, message, setpoint_count: progress.sent, digest }), None)
     }
 

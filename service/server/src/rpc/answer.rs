@@ -12,7 +12,7 @@ use tokio::time::Instant;
 use tonic::Status;
 use tonic::body::Body;
 
-use super::rpc::Call;
+use super::Call;
 use crate::connections::Unread;
 use crate::error::Error;
 

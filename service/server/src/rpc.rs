@@ -3,6 +3,8 @@
 //! audit log keep what changes something, ends calls at their deadline and where they panic, and completes statuses that the
 //! transport makes.
 
+mod answer;
+
 use std::collections::HashMap;
 use std::panic::AssertUnwindSafe;
 use std::sync::{Arc, LazyLock};
@@ -24,15 +26,16 @@ use tonic::{Code, Status};
 use tower_http::request_id::RequestId;
 use tracing::Instrument as _;
 
-use super::answer::AnswerBody;
-use super::metrics::{GaugeGuard, Metrics};
+use answer::AnswerBody;
+
 use crate::access::{Access, Caller, Effect, of_method};
 use crate::api::deadline;
 use crate::audit::{AuditLog, Audited, asked};
 use crate::config::Limits;
 use crate::connections::{Connection, Held, HeldBytes, OpenCall, RequestBody, Resource, Unread};
 use crate::engine::until;
-use crate::error::{Error, complete};
+use crate::error::{Error, code_name, complete};
+use crate::observability::metrics::{GaugeGuard, Metrics};
 use crate::services;
 
 /// What kind of call a method is.
@@ -450,30 +453,6 @@ impl Drop for Call {
         let code = code_name(code);
         self.metrics.requests.with_label_values(&[self.method, code]).inc();
         self.metrics.request_seconds.with_label_values(&[self.method]).observe(self.started.elapsed().as_secs_f64());
-    }
-}
-
-/// Name of a status code as the gRPC documentation writes it.
-#[must_use]
-pub const fn code_name(code: Code) -> &'static str {
-    match code {
-        Code::Ok => "OK",
-        Code::Cancelled => "CANCELLED",
-        Code::Unknown => "UNKNOWN",
-        Code::InvalidArgument => "INVALID_ARGUMENT",
-        Code::DeadlineExceeded => "DEADLINE_EXCEEDED",
-        Code::NotFound => "NOT_FOUND",
-        Code::AlreadyExists => "ALREADY_EXISTS",
-        Code::PermissionDenied => "PERMISSION_DENIED",
-        Code::ResourceExhausted => "RESOURCE_EXHAUSTED",
-        Code::FailedPrecondition => "FAILED_PRECONDITION",
-        Code::Aborted => "ABORTED",
-        Code::OutOfRange => "OUT_OF_RANGE",
-        Code::Unimplemented => "UNIMPLEMENTED",
-        Code::Internal => "INTERNAL",
-        Code::Unavailable => "UNAVAILABLE",
-        Code::DataLoss => "DATA_LOSS",
-        Code::Unauthenticated => "UNAUTHENTICATED",
     }
 }
 

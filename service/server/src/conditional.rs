@@ -43,7 +43,7 @@ impl Tagged {
 }
 
 /// JSON with its entity tag, or 304 where the client has it already.
-pub(super) fn response(request: &HeaderMap, body: impl Into<Bytes>) -> Response {
+pub(crate) fn response(request: &HeaderMap, body: impl Into<Bytes>) -> Response {
     Tagged::new(body).response(request)
 }
 
