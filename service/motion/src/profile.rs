@@ -334,14 +334,16 @@ impl Profile {
         out_v: &mut [f64],
     ) {
         assert_eq!(out_s.len(), out_v.len(), "one speed for every position");
-        let time_s = |k: usize| (first + k as u64) as f64 * period_s - offset_s;
+        let first = first as f64;
+        // Added as whole floating point numbers, which is exact and takes no check of each sum.
+        let time_s = |k: usize| (first + k as f64) * period_s - offset_s;
         let phases = self.phases();
         let duration_s = self.duration();
         let mut k = 0;
         for (index, phase) in phases.iter().enumerate() {
             let end_s = phases.get(index + 1).map_or(duration_s, |next| next.start_s);
             // Guess where the phase ends, then correct the guess by the exact comparison.
-            let guess = ((end_s + offset_s) / period_s - first as f64).clamp(k as f64, out_s.len() as f64);
+            let guess = ((end_s + offset_s) / period_s - first).clamp(k as f64, out_s.len() as f64);
             let mut end = guess as usize;
             while end < out_s.len() && time_s(end) < end_s {
                 end += 1;
@@ -353,10 +355,10 @@ impl Profile {
             let s = s - from;
             let count = end - k;
             let run = out_s[k..end].iter_mut().zip(&mut out_v[k..end]);
-            let run_first = first + k as u64;
+            let run_first = first + k as f64;
             for (index, (out_s, out_v)) in run.enumerate() {
                 // Before the start it rests there.
-                let t = ((run_first + index as u64) as f64 * period_s - offset_s - start_s).max(0.0);
+                let t = ((run_first + index as f64) * period_s - offset_s - start_s).max(0.0);
                 *out_s = s + t * (speed + t * (0.5 * acceleration + t * (jerk / 6.0)));
                 *out_v = speed + t * (acceleration + t * (0.5 * jerk));
             }

@@ -283,7 +283,8 @@ impl Course {
     /// When the slices differ in length.
     pub fn fill(&self, first: u64, period_s: f64, offset_s: f64, out_s: &mut [f64], out_v: &mut [f64]) {
         assert_eq!(out_s.len(), out_v.len(), "one speed for every position");
-        let time_s = |k: usize| (first + k as u64) as f64 * period_s - offset_s;
+        let first = first as f64;
+        let time_s = |k: usize| (first + k as f64) * period_s - offset_s;
         let start_s = if out_s.is_empty() { 0.0 } else { time_s(0) };
         let mut index = self.segments.partition_point(|segment| segment.start_s <= start_s).saturating_sub(1);
         for (k, (out_s, out_v)) in out_s.iter_mut().zip(out_v).enumerate() {

@@ -34,7 +34,8 @@ impl Interpolator {
 
         let first = state.next - state.clock.period;
         let period_s = self.settings.period_s;
-        let local_s = |k: usize| (first + k as u64) as f64 * period_s - state.clock.lead_s;
+        let first_period = first as f64;
+        let local_s = |k: usize| (first_period + k as f64) * period_s - state.clock.lead_s;
         for (k, angle) in block.spindle_angle_deg[start..].iter_mut().enumerate() {
             *angle = (state.spindle_rev + activity.spindle_rev_per_s * local_s(k)) * 360.0;
         }

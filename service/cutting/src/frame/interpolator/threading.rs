@@ -107,9 +107,10 @@ impl Interpolator {
         let State { track, clock, path_base_mm, .. } = &self.state;
         let Some(run) = pass_on(track) else { return };
         let (lead_s, period_s, rev_per_s) = (clock.lead_s, self.settings.period_s, activity.spindle_rev_per_s.abs());
+        let first = first as f64;
         let angles_deg = &mut self.scratch.s[..block.len() - start];
         for (k, angle_deg) in angles_deg.iter_mut().enumerate() {
-            let turned_rev = rev_per_s * ((first + k as u64) as f64 * period_s - lead_s);
+            let turned_rev = rev_per_s * ((first + k as f64) * period_s - lead_s);
             *angle_deg = start_deg + 360.0 * turned_rev;
         }
         let scratch = self.scratch.functions.thread.get_or_insert_with(ThreadScratch::new);
