@@ -354,9 +354,9 @@ impl Profile {
             let Phase { start_s, s, speed, acceleration, jerk } = *phase;
             let s = s - from;
             let count = end - k;
-            let run = out_s[k..end].iter_mut().zip(&mut out_v[k..end]);
             let run_first = first + k as f64;
-            for (index, (out_s, out_v)) in run.enumerate() {
+            // A range beside them, since `enumerate` checks its count.
+            for ((index, out_s), out_v) in (0..count).zip(&mut out_s[k..end]).zip(&mut out_v[k..end]) {
                 // Before the start it rests there.
                 let t = ((run_first + index as f64) * period_s - offset_s - start_s).max(0.0);
                 *out_s = s + t * (speed + t * (0.5 * acceleration + t * (jerk / 6.0)));

@@ -36,7 +36,7 @@ impl Interpolator {
         let period_s = self.settings.period_s;
         let first_period = first as f64;
         let local_s = |k: usize| (first_period + k as f64) * period_s - state.clock.lead_s;
-        for (k, angle) in block.spindle_angle_deg[start..].iter_mut().enumerate() {
+        for (k, angle) in (0..count).zip(&mut block.spindle_angle_deg[start..]) {
             *angle = (state.spindle_rev + activity.spindle_rev_per_s * local_s(k)) * 360.0;
         }
 

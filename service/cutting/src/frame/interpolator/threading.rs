@@ -109,7 +109,7 @@ impl Interpolator {
         let (lead_s, period_s, rev_per_s) = (clock.lead_s, self.settings.period_s, activity.spindle_rev_per_s.abs());
         let first = first as f64;
         let angles_deg = &mut self.scratch.s[..block.len() - start];
-        for (k, angle_deg) in angles_deg.iter_mut().enumerate() {
+        for (k, angle_deg) in (0..angles_deg.len()).zip(angles_deg.iter_mut()) {
             let turned_rev = rev_per_s * ((first + k as f64) * period_s - lead_s);
             *angle_deg = start_deg + 360.0 * turned_rev;
         }

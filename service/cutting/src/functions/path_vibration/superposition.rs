@@ -203,7 +203,7 @@ impl Section {
 
     fn fill_wave(&self, period_s: f64, first: u64, out: &mut [f64]) {
         let (first, turns) = ((first - self.start_period) as f64, self.condition.frequency_hz * period_s);
-        for (k, wave) in out.iter_mut().enumerate() {
+        for (k, wave) in (0..out.len()).zip(out.iter_mut()) {
             *wave = sin_turns((first + k as f64) * turns);
         }
     }
