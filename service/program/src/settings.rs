@@ -302,6 +302,15 @@ impl LanguageSettings {
         self.initial_motion.or(is_haas.then_some(InitialMotion::Rapid))
     }
 
+    /// The codes of feed per minute and per revolution, as findings name them. A lathe whose G-code system is not known reads
+    /// those of system A.
+    pub(crate) const fn feed_codes(&self) -> [&'static str; 2] {
+        match (self.dialect, self.g_code_system) {
+            (DialectName::Lathe, None | Some(GCodeSystem::A)) => ["G98", "G99"],
+            _ => ["G94", "G95"],
+        }
+    }
+
     /// Default settings of a milling machine: `mill` dialect, radius X, feed per minute.
     #[must_use]
     pub fn mill() -> Self {

@@ -38,7 +38,7 @@ crate::finding_codes! {
     "PRG-CYCLE-FEED" [CYCLE_FEED: Error] {
         meaning: "a drilling cycle under inverse time feed",
         cause: "`G93` is in force: the strokes of a hole have no time of their own.",
-        cure: "Switch to feed per minute (`G94`) or per revolution (`G95`) before the cycle.",
+        cure: "Switch to feed per minute (`G94`) or per revolution (`G95`) before the cycle; on lathes of G-code system A these are `G98` and `G99`.",
         example: mill("M3 S1000\nG0 Z10\nG93 G81 X10 Z-5 R2 F1"),
     }
 

@@ -120,6 +120,8 @@ const LATHE_G_CODES: &[Code] = &[
         Meaning::OfNoSystem("the threading cycle of G-code system B, and the multiple threading cycle of C"),
     ),
     code(790, Group::Motion, Meaning::OfNoSystem("the facing cycle of G-code system B")),
+    code(1_120, Group::NonModal, Meaning::Unsupported("polar coordinate interpolation")),
+    code(1_130, Group::NonModal, Meaning::Unsupported("the end of polar coordinate interpolation")),
     doubtful(900, Group::Distance, Meaning::Distance { absolute: true }, &TURNING_CYCLE),
     code(920, Group::NonModal, Meaning::SpeedClampOrThreadCycle),
     doubtful(940, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute), &FACING_CYCLE),

@@ -26,7 +26,7 @@ const fn system(number: u16) -> WorkSystem {
     }
 }
 
-/// `G110` to `G129` of Haas controls, for 1 to 20.
+/// `G110` to `G129` of Haas controls, for 1 to 20; of them `G112` and `G113` on mills alone.
 const fn haas_offset(number: u16) -> Code {
     match WorkSystem::extended(number) {
         Some(system) => code(1_090 + 10 * number, Group::WorkOffset, Meaning::HaasWorkOffset(system)),
@@ -117,8 +117,6 @@ pub(super) const FANUC_G_CODES: &[Code] = &[
     code(1_540, Group::WorkOffset, Meaning::ExtendedWorkOffset { haas: true }),
     haas_offset(1),
     haas_offset(2),
-    haas_offset(3),
-    haas_offset(4),
     haas_offset(5),
     haas_offset(6),
     haas_offset(7),
@@ -228,6 +226,8 @@ pub(super) static MILL: Dialect = Dialect {
 };
 
 const MILL_G_CODES: &[Code] = &[
+    haas_offset(3),
+    haas_offset(4),
     code(120, Group::NonModal, Meaning::CircularPocket { clockwise: true }),
     code(130, Group::NonModal, Meaning::CircularPocket { clockwise: false }),
     code(470, Group::NonModal, Meaning::Unsupported("text engraving of Haas controls")),

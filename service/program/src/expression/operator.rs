@@ -106,8 +106,8 @@ pub(super) enum Impossible {
     Truth,
 }
 
-/// Two numbers that count as equal in LinuxCNC.
-const EQUAL_LINUXCNC: f64 = 1e-6;
+/// Two numbers that count as equal in LinuxCNC (of release 2.9: 1 EQ 1.00009 is true, 1 EQ 1.0002 is not).
+const EQUAL_LINUXCNC: f64 = 1e-4;
 
 /// Two numbers that count as equal in Macro B, where they are compared to the eight or so digits of the control.
 fn equal_fanuc(left: f64, right: f64) -> bool {

@@ -130,7 +130,10 @@ fn section_2_linuxcnc_functions() {
             ("[7 MOD -3]", 1.0),
             ("[7.5 MOD 2]", 1.5),
             ("[1 EQ 1.0000001]", 1.0),
-            ("[1 EQ 1.00001]", 0.0),
+            ("[1 EQ 1.00009]", 1.0),
+            ("[1 NE 1.00009]", 0.0),
+            ("[1 GE 1.00009]", 0.0),
+            ("[1 EQ 1.0002]", 0.0),
             ("EXISTS[#<width>]", 1.0),
             ("EXISTS[#<other>]", 0.0),
             ("#<Wi dth>", 40.0),
@@ -223,11 +226,14 @@ fn section_2_conditions() {
         ("[[#1 GT 5] XOR [#2 LT 5]]", false),
         ("[[#1+1] LE 8]", true),
         ("[0.1+0.2 EQ 0.3]", true),
-        ("[0.1 EQ 0.10001]", false),
+        ("[0.1 EQ 0.1002]", false),
     ] {
         assert_eq!(holds(&FANUC, text), Ok(expected), "{text}");
         assert_eq!(holds(&LINUXCNC, text), Ok(expected), "{text}");
     }
+    // Of a control's eight or so digits, and within the tolerance of the other.
+    assert_eq!(holds(&FANUC, "[0.1 EQ 0.10001]"), Ok(false));
+    assert_eq!(holds(&LINUXCNC, "[0.1 EQ 0.10001]"), Ok(true));
     assert_eq!(holds(&LINUXCNC, "[#1]"), Ok(true));
     assert_eq!(holds(&LINUXCNC, "[#1-7]"), Ok(false));
     for text in ["[#1]", "[#1 GT 5 AND #2 LT 5]", "[[#1 GT 5] + 1]", "[[#1 GT 5] AND 1]"] {

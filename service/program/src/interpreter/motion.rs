@@ -416,13 +416,13 @@ impl Execution<'_> {
             return;
         }
         self.state.reported.spindle = true;
-        let span = self.block.span();
+        let (span, [per_minute, _]) = (self.block.span(), self.settings.feed_codes());
         self.findings.push_with(code::SPINDLE_STOPPED, |code| {
             let message = format!("{feed_mm} mm per revolution with a spindle that does not turn never advances");
             Finding::new(code, span, message)
                 .with_value("feed", feed_mm, "mm/rev")
                 .suggest("start the spindle first, such as M3 S1000")
-                .suggest("use feed per minute, G94")
+                .suggest(format!("use feed per minute, {per_minute}"))
         });
     }
 

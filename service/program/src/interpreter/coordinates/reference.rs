@@ -173,7 +173,7 @@ impl Execution<'_> {
 
     /// `G53`: whether it is refused in this mode, which is reported.
     pub(in super::super) fn is_incremental_machine_motion(&mut self, span: SourceSpan) -> bool {
-        if self.is_linuxcnc_dialect() || self.state.absolute || self.state.tool_control.mode != ToolMode::Off {
+        if self.state.absolute || self.state.tool_control.mode != ToolMode::Off {
             return false;
         }
         let cure = match self.settings.dialect {
@@ -181,7 +181,11 @@ impl Execution<'_> {
             DialectName::Mill | DialectName::LinuxCnc => "write G90 before it",
         };
         self.used |= letter_bit(b'F');
-        self.coord(code::MACHINE_MOTION, span, "controls ignore G53 under G91", cure);
+        let message = match self.settings.dialect {
+            DialectName::LinuxCnc => "G53 under G91 is an error of LinuxCNC",
+            DialectName::Lathe | DialectName::Mill => "controls ignore G53 under G91",
+        };
+        self.coord(code::MACHINE_MOTION, span, message, cure);
         true
     }
 }

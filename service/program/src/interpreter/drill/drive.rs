@@ -20,10 +20,10 @@ impl Execution<'_> {
     /// What makes the tool cut; nothing after a finding.
     pub(super) fn drive(&mut self, cycle: Cycle) -> Option<Drive> {
         if self.state.feed_unit == FeedUnit::InverseTime {
-            let span = self.cycle_span();
+            let (span, [per_minute, _]) = (self.cycle_span(), self.settings.feed_codes());
             self.findings.push_with(code::CYCLE_FEED, |code| {
                 Finding::new(code, span, "a drilling cycle under inverse time feed, G93")
-                    .suggest("switch to feed per minute before the cycle, G94")
+                    .suggest(format!("switch to feed per minute before the cycle, {per_minute}"))
             });
             return None;
         }
@@ -59,12 +59,12 @@ impl Execution<'_> {
         if LEADS_MM.contains(&lead_mm) {
             return Some(Drive::Spindle { lead_mm });
         }
-        let span = self.cycle_span();
+        let (span, [per_minute, per_revolution]) = (self.cycle_span(), self.settings.feed_codes());
         self.findings.push_with(code::CYCLE_VALUE, |code| {
             let message = format!("the lead of the tap is {lead_mm} mm, but must be 0.0001 to 500 mm");
             Finding::new(code, span, message)
                 .with_value("lead", lead_mm, "mm")
-                .suggest("in G95 F is the pitch, in G94 pitch times speed")
+                .suggest(format!("in {per_revolution} F is the pitch, in {per_minute} pitch times speed"))
         });
         None
     }

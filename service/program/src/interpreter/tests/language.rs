@@ -155,7 +155,8 @@ fn machine_coordinates() {
     check(&lathe(), "G53 X20.", "rapid 0 -> X10");
     check(&mill(), "G0 X5\nG2 X7 I1 F9\nG53 X0", "rapid 0 -> X5\narc X5 -> X7 about 6,0 by -180 @9/min\nrapid X7 -> 0");
     check(&linuxcnc(), "G53 X20", "! 1:1+7 PRG-MOTION-MISSING");
-    check(&linuxcnc(), "G91 G53 G0 X20\nX1", "rapid 0 -> X20\nrapid X20 -> X21");
+    check(&linuxcnc(), "G91 G53 G0 X20", "! 1:5+3 PRG-MACHINE-MOTION");
+    check(&linuxcnc(), "G53 G0 X20\nG91 X1", "rapid 0 -> X20\nrapid X20 -> X21");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Words that look right and are not: the cure, followed to the letter, gives the program that was meant.
 
 use super::*;
+use crate::{CoordinateSettings, CoordinateStyle, GCodeSystem};
 
 /// The program with every replacement of its findings made.
 fn cured(program: &str, settings: &LanguageSettings) -> String {
@@ -135,4 +136,44 @@ fn numbers_of_lines_and_programs() {
     check(&mill(), "N99999999999 G0 X1", "! 1:1+12 PRG-NUMBER-RANGE");
     check(&mill(), "O-1\nG0 X1", "rapid 0 -> X1\n! 1:1+3 PRG-NUMBER-NOT-WHOLE");
     assert_eq!(cured("N-1 G0 X1\nN1.5 X2\nM30", &mill()), " G0 X1\n X2\nM30");
+}
+
+#[test]
+fn cures_name_the_feed_codes_of_the_g_code_system() {
+    let cures = |settings: LanguageSettings, program: &str| -> Vec<String> {
+        let (_, findings) = interpret(program.as_bytes(), settings);
+        let all = findings.findings().iter();
+        all.flat_map(|finding| finding.suggestions.iter().map(|cure| cure.message.clone())).collect()
+    };
+    let system = |system| LanguageSettings { g_code_system: system, ..lathe() };
+    for (settings, program, code) in [
+        (system(Some(GCodeSystem::A)), "G21 G99 G97\nG0 X20. Z2.\nG1 X18. F0.1\nM30", "G98"),
+        (system(None), "G21 G99 G97\nG0 X20. Z2.\nG1 X18. F0.1\nM30", "G98"),
+        (system(Some(GCodeSystem::B)), "G21 G95 G97\nG0 X20. Z2.\nG1 X18. F0.1\nM30", "G94"),
+        (mill(), "G21 G95\nG0 X20. Z2.\nG1 X18. F0.1\nM30", "G94"),
+    ] {
+        let cure = format!("use feed per minute, {code}");
+        assert!(cures(settings, program).contains(&cure), "{program}");
+    }
+}
+
+#[test]
+fn polar_interpolation_of_a_lathe_is_no_work_offset() {
+    let haas = |settings: LanguageSettings| LanguageSettings {
+        coordinates: CoordinateSettings { style: CoordinateStyle::Haas, ..settings.coordinates.clone() },
+        ..settings
+    };
+    for program in ["G112\nG1 X20. C10. F100\nM30", "G113\nM30"] {
+        for settings in [lathe(), haas(lathe())] {
+            let (_, findings) = interpret(program.as_bytes(), settings);
+            let finding = &findings.findings()[0];
+            assert_eq!(
+                (finding.code.name(), finding.severity),
+                ("PRG-UNSUPPORTED-CODE", Severity::Error),
+                "{finding:?}"
+            );
+        }
+    }
+    let (_, findings) = interpret(b"G112\nG0 X1.\nG113\nX2.\nM30", haas(mill()));
+    assert!(findings.findings().iter().all(|finding| finding.severity != Severity::Error));
 }

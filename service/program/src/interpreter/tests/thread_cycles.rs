@@ -235,18 +235,24 @@ fn g76_of_linuxcnc_tapers_its_ends() {
     let radius = LanguageSettings { x_word: XWord::Radius, ..lathe() };
     check(
         &radius,
-        &format!("{GO}G76 P2. Z-20. I-1. J.8 K.8 E1.6 L3"),
+        &format!("{GO}G76 P2. Z-20. I-1. J.4 K.8 E1.6 L3"),
         "spindle cw 500
          rapid 0 -> X20 Z5
+         rapid X20 Z5 -> X20.4 Z5
+         rapid X20.4 Z5 -> X19.4 Z5
+         thread X19.4 Z5 -> X18.6 Z3.4 @2
+         thread X18.6 Z3.4 -> X18.6 Z-20 @2 out over 1.6 by 0.8
+         rapid X19.4 Z-20 -> X20.4 Z-20
+         rapid X20.4 Z-20 -> X20 Z5
          rapid X20 Z5 -> X19 Z5
          thread X19 Z5 -> X18.2 Z3.4 @2
          thread X18.2 Z3.4 -> X18.2 Z-20 @2 out over 1.6 by 0.8
          rapid X19 Z-20 -> X20 Z-20",
     );
     // Steeper than 45° X travels further: 0.8 over 0.4 doubles the lead, so that the pitch along Z stays.
-    let found = passes(&format!("{GO}G76 P2. Z-20. I-1. J.8 K.8 E.4 L1"), radius.clone());
-    assert_eq!(found.iter().map(|pass| pass.lead_mm).collect::<Vec<_>>(), [4.0, 2.0]);
-    assert_eq!(passes(&format!("{GO}G76 P2. Z-20. I-1. J.8 K.8 E.4"), radius).len(), 1, "no end is named");
+    let found = passes(&format!("{GO}G76 P2. Z-20. I-1. J.4 K.8 E.4 L1"), radius.clone());
+    assert_eq!(found.iter().map(|pass| pass.lead_mm).collect::<Vec<_>>(), [4.0, 2.0, 4.0, 2.0]);
+    assert_eq!(passes(&format!("{GO}G76 P2. Z-20. I-1. J.4 K.8 E.4"), radius).len(), 2, "no end is named");
 }
 
 #[test]
@@ -333,6 +339,7 @@ fn words_of_g76_that_are_refused() {
     drive_line("I-1. J.1 K.9 E5.5 L1", "! 3:1+33 PRG-THREAD-CYCLE-VALUE");
     refused("G76 P0 Z-5. I-1. J.1 K.9", "! 3:5+2 PRG-THREAD-LEAD");
     refused("G76 P2. Z5. I-1. J.1 K.9", "! 3:1+24 PRG-THREAD-TRAVEL");
+    refused("G76 P2. Z-5. I-1. J.9 K.9", "! 3:23+3 PRG-THREAD-CYCLE-VALUE");
     refused("G17 G76 P2. Z-5. I-1. J.1 K.9", "! 3:1+29 PRG-THREAD-CYCLE-FORM");
 }
 
@@ -422,7 +429,7 @@ proptest! {
 
     #[test]
     fn passes_of_linuxcnc_feed_in_to_the_root(
-        (height, share, degression, slide) in (0.1..3.0_f64, 0.1..1.5_f64, 1.0..2.0_f64, -30.0..30.0_f64),
+        (height, share, degression, slide) in (0.1..3.0_f64, 0.1..0.99_f64, 1.0..2.0_f64, -30.0..30.0_f64),
         (springs, ends, taper, bore) in (0..9_u32, 0..4_u32, 0.1..5.0_f64, any::<bool>()),
     ) {
         let radius = LanguageSettings { x_word: XWord::Radius, ..lathe() };

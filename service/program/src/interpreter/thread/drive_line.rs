@@ -36,7 +36,7 @@ impl Execution<'_> {
             Some(distance_mm.copysign(offset_mm))
         });
         let first = self.radial_depth(b'J', "first_depth");
-        let full = self.radial_depth(b'K', "thread_height");
+        let full = self.full_depth(first);
         let degression = self.cycle_number(b'R', "degression", 1.0, DEGRESSIONS);
         let slide_deg = self.cycle_number(b'Q', "slide_angle", 0.0, SLIDE_ANGLES_DEG);
         let spring_passes = self.cycle_count(b'H', "spring_passes", 0, 0.0..=99.0);
@@ -140,6 +140,22 @@ impl Execution<'_> {
     fn radial_depth(&mut self, letter: u8, name: &'static str) -> Option<f64> {
         let word = self.needed(letter, name)?;
         self.checked(&word, self.radius(&word), name, DEPTHS_MM)
+    }
+
+    /// The depth of the thread, which is more than that of the first pass; `None` after a finding.
+    fn full_depth(&mut self, first_mm: Option<f64>) -> Option<f64> {
+        let word = self.needed(b'K', "thread_height")?;
+        let full_mm = self.checked(&word, self.radius(&word), "thread_height", DEPTHS_MM)?;
+        let Some(first_mm) = first_mm.filter(|&first_mm| full_mm <= first_mm) else { return Some(full_mm) };
+        self.cycle_value(&word, |mut finding| {
+            finding.message =
+                format!("the thread height K is {full_mm} mm, not more than the first depth J, {first_mm} mm");
+            finding
+                .with_value("thread_height", full_mm, "mm")
+                .with_value("first_depth", first_mm, "mm")
+                .suggest("write a K that is larger than J")
+        });
+        None
     }
 
     /// A pure number or an angle; `None` after a finding.
