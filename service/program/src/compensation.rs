@@ -27,6 +27,8 @@ pub enum CompensationCommand {
     Off,
     /// `G41`, `G42`
     On(CompensationMode),
+    /// Behind `G40`: the next move names the present programmed point in the plane, so that it goes there.
+    Exit,
 }
 
 /// How the contour is compensated.
@@ -97,13 +99,22 @@ impl Compensator {
         self.contour.is_none()
     }
 
+    /// The plane of the contour that is in work.
+    pub(crate) fn plane(&self) -> Option<Plane> {
+        self.contour.as_ref().map(|contour| contour.plane())
+    }
+
     /// Takes an operation; appends what can be carried out now, in order.
     pub fn push(&mut self, operation: Operation, out: &mut Vec<Operation>, findings: &mut FindingLog) {
         if let OperationKind::Compensation(command) = operation.kind {
             return self.switch(command, operation.span, out, findings);
         }
         let Some(contour) = &mut self.contour else {
-            return out.push(operation);
+            // To the programmed point, where the tool is already.
+            if !operation.is_nothing() {
+                out.push(operation);
+            }
+            return;
         };
         if contour.take(operation, &mut Sink { out, findings }) {
             self.contour = None;
@@ -155,7 +166,8 @@ impl Compensator {
                 self.contour = Some(Box::new(Contour::new(mode, span, contour.displacement())));
             }
             // Switching on what is on is judged where it is read.
-            (CompensationCommand::On(_), _) | (CompensationCommand::Off, None) => {}
+            (CompensationCommand::On(_), _) | (CompensationCommand::Off | CompensationCommand::Exit, None) => {}
+            (CompensationCommand::Exit, Some(contour)) => contour.name_exit(),
             (CompensationCommand::Off, Some(contour)) => {
                 if contour.leave(span, &mut Sink { out, findings }) {
                     self.contour = None;

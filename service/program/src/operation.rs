@@ -57,6 +57,20 @@ pub enum OperationKind {
     End,
 }
 
+impl Operation {
+    /// Whether it is a move that moves nothing.
+    pub(crate) fn is_nothing(&self) -> bool {
+        matches!(&self.kind, OperationKind::Move(step) if step.is_nothing())
+    }
+}
+
+impl Move {
+    /// Whether it moves nothing.
+    pub(crate) fn is_nothing(&self) -> bool {
+        self.start == self.end && self.arc.is_none() && self.spline.is_none()
+    }
+}
+
 /// Kind of axis motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MoveKind {

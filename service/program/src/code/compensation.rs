@@ -71,9 +71,9 @@ crate::finding_codes! {
     }
 
     "PRG-COMP-EXIT-ASIDE" [COMP_EXIT_ASIDE: Warning] {
-        meaning: "a move behind G40 that is not in the plane of the contour",
+        meaning: "a move behind G40 that names no place in the plane of the contour",
         cause: "LinuxCNC moves to the programmed point in the plane together with this move; FANUC controls stay beside it \
-              until the next motion in the plane.",
+              until the next move that names an axis of the plane.",
         cure: "Move in the plane with the `G40`, away from the part.",
         example: linuxcnc("G0 X0 Y0\nG41.1 D6 G1 X20 Y0 F100\nY20\nG40\nG0 Z20\nM2"),
     }

@@ -33,6 +33,8 @@ enum Phase {
     On,
     /// Off, but the tool still stands beside the programmed point.
     Leaving,
+    /// The same, and the next move goes to a programmed point in the plane, be it the present one.
+    Exiting,
 }
 
 /// A move in the plane.
@@ -120,7 +122,11 @@ impl Contour {
     }
 
     pub(super) fn is_leaving(&self) -> bool {
-        self.phase == Phase::Leaving
+        matches!(self.phase, Phase::Leaving | Phase::Exiting)
+    }
+
+    pub(super) const fn plane(&self) -> Plane {
+        self.mode.plane
     }
 
     pub(super) const fn displacement(&self) -> Point {
@@ -163,7 +169,7 @@ impl Contour {
         let step = match kind {
             OperationKind::Move(step) => step,
             OperationKind::End => {
-                if self.phase != Phase::Leaving && self.mode.rules != CompensationRules::LinuxCnc {
+                if !self.is_leaving() && self.mode.rules != CompensationRules::LinuxCnc {
                     report::unfinished(span, self.span, sink.findings);
                 }
                 self.stand(sink);
@@ -204,7 +210,12 @@ impl Contour {
                 self.go_on(Block { span, step, curve }, sink);
                 false
             }
-            (InPlane::Moves(curve), Phase::Leaving) => {
+            (InPlane::Rests, Phase::Exiting) => {
+                let here = self.in_plane(&step.end);
+                self.exit(Block { span, step, curve: Curve::line(here, here) }, sink);
+                true
+            }
+            (InPlane::Moves(curve), Phase::Leaving | Phase::Exiting) => {
                 self.exit(Block { span, step, curve }, sink);
                 true
             }
@@ -235,7 +246,7 @@ impl Contour {
         self.waiting.push(operation);
         let looks_over = self.mode.rules == CompensationRules::LinuxCnc || self.idle_blocks <= MAX_IDLE_BLOCKS;
         let is_full = self.waiting.len() >= MAX_WAITING;
-        let is_leaving = self.phase == Phase::Leaving;
+        let is_leaving = self.is_leaving();
         if (is_full || !looks_over) && !is_leaving && !self.reported {
             self.reported = true;
             let most = if looks_over { MAX_WAITING as u32 } else { MAX_IDLE_BLOCKS };

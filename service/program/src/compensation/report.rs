@@ -78,7 +78,7 @@ pub(super) fn exit_elsewhere(
     findings.push_with(code::COMP_EXIT_ASIDE, |code| {
         let what = if goes { "also moves the tool" } else { "leaves the tool" };
         let message = format!(
-            "this move without motion in the plane, behind the G40 of line {}, {what} {} mm {} the programmed point",
+            "this move, behind the G40 of line {}, names no place in the plane, and {what} {} mm {} the programmed point",
             off.line,
             shown(beside_mm),
             if goes { "sideways to" } else { "beside" },

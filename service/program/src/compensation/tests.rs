@@ -1,5 +1,6 @@
 //! Compensated contours: the worked examples of the page, joints, refusals, and random contours against brute force.
 
+mod exits;
 mod goldens;
 mod random;
 mod rules;

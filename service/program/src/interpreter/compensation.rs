@@ -5,7 +5,8 @@ use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{CompensationOn, ToolMode, TurningCycle};
 use crate::{
-    CompensationCommand, CompensationMode, CompensationRules, DialectName, Finding, OperationKind, Plane, SourceSpan,
+    CompensationCommand, CompensationMode, CompensationRules, DialectName, Finding, OperationKind, Plane, Position,
+    SourceSpan,
 };
 
 /// From the centre of the nose to the reference point, in radii along X and Z, by FANUC's number of the tip.
@@ -43,6 +44,42 @@ impl Execution<'_> {
             }
             Some((Meaning::Compensation { left, by_words }, span)) => self.compensation_on(left, by_words, span),
             _ => {}
+        }
+    }
+
+    /// Whether a straight move to `end` moves anything. Behind `G40` one to the present programmed point does: from beside it.
+    #[inline]
+    pub(super) fn is_move(&self, end: &Position) -> bool {
+        *end != self.state.position || !self.state.compensator.is_off() && self.comes_to_the_path()
+    }
+
+    /// LinuxCNC moves in the plane with a word of any axis, FANUC controls with one of the plane.
+    fn comes_to_the_path(&self) -> bool {
+        self.left_plane().is_some_and(|plane| self.table.dialect.is_linuxcnc || self.names_axis_of(plane))
+    }
+
+    /// The plane of a contour beside which the tool still stands, behind `G40`.
+    fn left_plane(&self) -> Option<Plane> {
+        // The moves of a contour that is only read are not those of the tool.
+        let is_read = self.state.flow.contour.as_ref().is_some_and(|run| !run.is_finish());
+        if self.state.compensation.on.is_some() || is_read {
+            return None;
+        }
+        self.state.compensator.plane()
+    }
+
+    fn names_axis_of(&self, plane: Plane) -> bool {
+        let (first, second) = plane.axes();
+        (self.letters_of(first) | self.letters_of(second)) & self.block.letters != 0
+    }
+
+    /// Tells the stage, before a straight move to `end`, that its words name the present point in the plane.
+    pub(super) fn name_exit(&mut self, end: &Position) {
+        let Some(plane) = self.left_plane() else { return };
+        let (first, second) = plane.axes();
+        let rests = [first, second].into_iter().all(|axis| end[axis.index()] == self.state.position[axis.index()]);
+        if rests && self.names_axis_of(plane) {
+            self.emit(self.block.span(), OperationKind::Compensation(CompensationCommand::Exit));
         }
     }
 

@@ -159,16 +159,11 @@ pub(super) fn join(
         }
         match corners.iter().find(|(at, _)| *at == from + place) {
             Some((_, corner)) => state.corner = Some(Box::new(PendingCorner { held: operation, corner: *corner })),
-            None if is_nothing(&operation) => {}
+            // A corner has taken the whole of it.
+            None if operation.is_nothing() => {}
             None => operations.push(operation),
         }
     }
-}
-
-/// Whether a corner has taken the whole of a move.
-fn is_nothing(operation: &Operation) -> bool {
-    matches!(&operation.kind, OperationKind::Move(step)
-        if step.start == step.end && step.arc.is_none() && step.spline.is_none())
 }
 
 /// The move that waits, without a corner.

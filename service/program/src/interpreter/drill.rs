@@ -389,7 +389,10 @@ impl Execution<'_> {
             // Up to the R level where the tool is.
             let mut up = self.state.position;
             up[axis] = hole.r;
-            self.drill_to(MoveKind::Rapid, up, Feed::PerMinute(0.0));
+            let step = self.new_move(MoveKind::Rapid, up, Feed::PerMinute(0.0));
+            self.emit(self.block.span(), OperationKind::Move(step));
+            self.name_cycle();
+            self.state.position = up;
         }
         let mut at = hole.at;
         for number in 0..hole.repeats {
@@ -418,7 +421,7 @@ impl Execution<'_> {
 
     /// A straight move of a cycle.
     fn drill_to(&mut self, kind: MoveKind, end: Position, feed: Feed) {
-        if end == self.state.position {
+        if !self.is_move(&end) {
             return;
         }
         if self.state.tool_control.is_plain() {

@@ -227,7 +227,7 @@ impl Execution<'_> {
         match motion {
             Motion::Rapid => self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
             Motion::Linear => {
-                if *end != self.state.position
+                if self.is_move(end)
                     && let Some(feed) = self.cutting_feed(axes)
                 {
                     let plain = self.table.dialect.plain_corners && self.block.letters & PLAIN_CORNER_LETTERS != 0;
@@ -429,8 +429,13 @@ impl Execution<'_> {
     /// Emits a move to `end`, unless it is no move at all.
     #[inline]
     pub(super) fn emit_move(&mut self, kind: MoveKind, end: &Position, arc: Option<ArcGeometry>, feed: Feed) {
-        if arc.is_none() && *end == self.state.position {
-            return;
+        if arc.is_none() {
+            if !self.is_move(end) {
+                return;
+            }
+            if !self.state.compensator.is_off() {
+                self.name_exit(end);
+            }
         }
         if self.state.coords.transform.is_some() {
             return self.emit_transformed(kind, end, arc, feed);

@@ -89,6 +89,8 @@ impl Interpreter {
             || !self.corners.is_empty();
         let is_another_motion =
             state.drilling.cycle.is_some() || !state.tool_control.is_plain() || state.compensation.on.is_some();
+        // Behind G40, until the tool is on the programmed path again.
+        let is_beside = !state.compensator.is_off();
         let coords = &state.coords;
         let is_transformed = coords.transform.is_some() || coords.polar.is_some() || coords.awaits_absolute;
         let is_as_usual = state.phase == Phase::Blocks
@@ -96,7 +98,7 @@ impl Interpreter {
             && state.unread == 0
             && state.feed_unit != FeedUnit::InverseTime
             && !self.settings.plain_drawing_words;
-        if is_told_by_flow || is_open || is_another_motion || is_transformed || !is_as_usual {
+        if is_told_by_flow || is_open || is_another_motion || is_beside || is_transformed || !is_as_usual {
             return None;
         }
         Some(Common {

@@ -74,11 +74,21 @@ impl Contour {
         self.pending.is_none() && self.displacement == [0.0; 2]
     }
 
+    /// The next move names its end in the plane.
+    pub(in super::super) fn name_exit(&mut self) {
+        if self.phase == Phase::Leaving {
+            self.phase = Phase::Exiting;
+        }
+    }
+
     /// The move behind `G40`.
     pub(super) fn exit(&mut self, mut block: Block, sink: &mut Sink) {
         let Block { span, curve, .. } = block;
         if curve.circle.is_some() {
             report::exit_curve(span, self.span, sink.findings);
+        }
+        if curve.circle.is_some() || distance(curve.from, curve.to) <= ROUNDING {
+            // What has no direction makes no corner with the last block.
             self.stand(sink);
         }
         if let Some(pending) = self.pending.take() {
@@ -93,7 +103,9 @@ impl Contour {
         let path = Curve::line(minus(self.at, self.mode.reference_mm), curve.to);
         report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line), sink.findings);
         self.place(&mut block.step.start, self.at);
-        sink.push(span, block.step);
+        if !block.step.is_nothing() {
+            sink.push(span, block.step);
+        }
     }
 
     /// A block behind `G40` that rests in the plane: whether the tool is on the programmed path behind it.
@@ -112,7 +124,9 @@ impl Contour {
         if goes {
             self.place(&mut step.end, end);
         }
-        sink.push(span, step);
+        if !step.is_nothing() {
+            sink.push(span, step);
+        }
         goes
     }
 }

@@ -77,6 +77,11 @@ impl Execution<'_> {
                     .suggest(format!("set {HAAS_STYLE} if the control sends all axes home"))
             });
         }
+        if self.is_linuxcnc_dialect() {
+            // Over an intermediate point, too: the present one, which is another behind a contour.
+            let here = self.state.position;
+            self.emit_move(MoveKind::Rapid, &here, None, Feed::PerMinute(0.0));
+        }
         self.go_home(ALL, reference);
     }
 

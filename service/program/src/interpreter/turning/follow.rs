@@ -110,7 +110,8 @@ impl ContourRun {
         self.stage == Stage::Cutting
     }
 
-    fn is_finish(&self) -> bool {
+    /// Whether its own blocks are carried out.
+    pub(in super::super) fn is_finish(&self) -> bool {
         self.request.job == Job::Finish
     }
 
