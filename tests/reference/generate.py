@@ -225,8 +225,23 @@ def compensation(w):
         else:
             w.line(f"G1 X{corner[0]} Y{corner[1]}")
         w.at.update(X=corner[0], Y=corner[1])
-    w.line(f"G40 G{w.chance.randint(0, 1)} X{w.value(-70, -60)} Y{w.value(-60, 60)}")
+    if w.chance.random() < 0.4:
+        name_point(w, {"X": corners[0][0], "Y": corners[0][1]}, "Z", is_drilled=True)
+    else:
+        w.line(f"G40 G{w.chance.randint(0, 1)} X{w.value(-70, -60)} Y{w.value(-60, 60)}")
     w.line("G0 Z10")
+
+
+def name_point(w, point, normal, is_drilled):
+    """`G40`, and a move whose words name the point that is programmed already, beside which the tool stands."""
+    letters = w.chance.choice((list(point), list(point), *([letter] for letter in point)))
+    absolute = " ".join(f"{letter}{point[letter]}" for letter in letters)
+    moves = [f"G{w.chance.randint(0, 1)} {absolute}", f"G91 G{w.chance.randint(0, 1)} {' '.join(f'{letter}0' for letter in letters)}\nG90"]
+    if is_drilled:
+        moves += [f"G81 {absolute} {normal}-5 R2\nG80", f"G28 {absolute}"]
+    before = w.chance.choice(("G40 ", "G40\n", "G40\nM8\n", "G40\nG4 P0.1\n"))
+    for line in (before + w.chance.choice(moves)).split("\n"):
+        w.line(line)
 
 
 def nose(w):
@@ -249,7 +264,11 @@ def nose(w):
             x, z = round(x + size, 3), round(z - size, 3)
             w.line(f"{w.chance.choice(('G2', 'G3'))} X{x} Z{z} R{size}")
     w.line(f"G1 X{round(x + 10, 3)}")
-    w.line(f"G40 G0 X{round(x + 20, 3)} Z5")
+    if w.chance.random() < 0.4:
+        name_point(w, {"X": round(x + 10, 3), "Z": z}, "Y", is_drilled=False)
+        w.line(f"G0 X{round(x + 20, 3)} Z5")
+    else:
+        w.line(f"G40 G0 X{round(x + 20, 3)} Z5")
 
 
 def expression(w, depth=0):
