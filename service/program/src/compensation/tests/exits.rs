@@ -47,6 +47,9 @@ fn ends_behind(operations: &[Operation], last: [f64; 3]) -> Vec<[f64; 3]> {
     rounded.collect()
 }
 
+/// What follows a contour, where it leads, and its findings.
+type Leaving<'a> = (&'a str, &'a [[f64; 3]], &'a [&'a str]);
+
 #[test]
 fn a_mill_goes_to_the_programmed_point_before_it_drills_or_plunges() {
     let over = [30.0, 20.0, 30.0];
@@ -108,7 +111,7 @@ fn a_lathe_goes_to_the_programmed_point() {
 #[test]
 fn linuxcnc_goes_to_the_programmed_point_with_a_word_of_any_axis() {
     let over = [0.0, 20.0, 30.0];
-    let cases: [(&str, &[[f64; 3]], &[&str]); 11] = [
+    let cases: [Leaving<'_>; 11] = [
         ("G0 X0 Y20\nG0 Z10", &[over, [0.0, 20.0, 10.0]], &[]),
         ("G0 X0\nG0 Z10", &[over, [0.0, 20.0, 10.0]], &[]),
         ("G81 X0 Y20 Z-5 R2", &[over, [0.0, 20.0, 2.0], [0.0, 20.0, -5.0], [0.0, 20.0, 2.0]], &[]),
@@ -217,7 +220,7 @@ fn check_case(case: &Case) -> bool {
     let on = if case.control == 4 { format!("{side}.1 D6") } else { format!("{side} D7") };
     let named = |axis: usize| {
         let value = if case.is_incremental { 0.0 } else { end[axis] };
-        case.names[axis].then(|| format!(" {}{value:.3}", ["X", "Y"][axis])).unwrap_or_default()
+        if case.names[axis] { format!(" {}{value:.3}", ["X", "Y"][axis]) } else { String::new() }
     };
     let up = if !case.goes_up {
         ""
