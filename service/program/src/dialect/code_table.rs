@@ -13,6 +13,9 @@ use crate::{DialectName, Function, FunctionCodes, LanguageSettings};
 /// Codes from this number of tenths on are unknown.
 const CODE_TENTHS: usize = 10_000;
 
+/// Codes below this number of tenths are found by index; above it are those that a profile chose, which are few.
+const INDEXED_TENTHS: usize = 2_000;
+
 /// Marks a number without a code.
 const NO_CODE: u8 = u8::MAX;
 
@@ -30,7 +33,9 @@ pub(crate) struct CodeTable {
     /// M codes of the machine, ascending.
     machine: Vec<MachineRule>,
     /// Place in `codes` by number in tenths, G codes first, then M codes.
-    index: Box<[u8]>,
+    index: Box<[u8; 2 * INDEXED_TENTHS]>,
+    /// Letter, number in tenths and place of the codes above the index; of several with one number the last counts.
+    above_index: Vec<(u8, u16, u8)>,
     /// The known G codes and M codes for suggestions, written once: a loop may ask for them at every round.
     known: [OnceLock<String>; 2],
 }
@@ -49,9 +54,10 @@ impl CodeTable {
             axis_letters: dialect.axis_letters() & !angles,
             linear_letters: dialect.linear_letters(),
             value_letters: dialect.value_letters(),
-            codes: Vec::new(),
+            codes: Vec::with_capacity(usize::from(NO_CODE)),
             machine: machine_codes::rules(settings),
-            index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),
+            index: Box::new([NO_CODE; 2 * INDEXED_TENTHS]),
+            above_index: Vec::new(),
             known: Default::default(),
         };
         // The profile's own codes come last, so that they win over a dialect's.
@@ -62,17 +68,30 @@ impl CodeTable {
     }
 
     fn add(&mut self, letter: u8, codes: impl Iterator<Item = Code>) {
-        for code in codes {
-            self.index[first_index(letter) + usize::from(code.tenths)] = self.codes.len() as u8;
+        codes.for_each(|code| {
+            let place = self.codes.len() as u8;
+            match usize::from(code.tenths) {
+                tenths @ ..INDEXED_TENTHS => self.index[first_index(letter) + tenths] = place,
+                _ => self.above_index.push((letter, code.tenths, place)),
+            }
             self.codes.push(code);
-        }
+        });
     }
 
     /// Place of the code `G` or `M` with this number, for [`CodeTable::code`].
     #[inline]
     pub(crate) fn find(&self, letter: u8, number: f64) -> Option<u8> {
-        let place = self.index[first_index(letter) + tenths(number)?];
-        (place != NO_CODE).then_some(place)
+        self.find_tenths(letter, tenths(number)?)
+    }
+
+    #[inline]
+    fn find_tenths(&self, letter: u8, tenths: usize) -> Option<u8> {
+        if tenths < INDEXED_TENTHS {
+            let place = self.index[first_index(letter) + tenths];
+            return (place != NO_CODE).then_some(place);
+        }
+        let is_meant = |it: &&(u8, u16, u8)| it.0 == letter && usize::from(it.1) == tenths;
+        self.above_index.iter().rev().find(is_meant).map(|it| it.2)
     }
 
     /// The code at a place that [`CodeTable::find`] gave.
@@ -100,10 +119,9 @@ impl CodeTable {
     }
 
     fn list(&self, letter: u8) -> String {
-        let places = &self.index[first_index(letter)..][..CODE_TENTHS];
         let is_carried_out =
-            |place: u8| self.codes.get(usize::from(place)).is_some_and(|it| it.meaning.is_carried_out());
-        let known = (0_u32..).zip(places).filter(|(_, place)| is_carried_out(**place)).map(|(tenths, _)| tenths);
+            |tenths| self.find_tenths(letter, tenths).is_some_and(|place| self.code(place).meaning.is_carried_out());
+        let known = (0..CODE_TENTHS).filter(|tenths| is_carried_out(*tenths)).map(|tenths| tenths as u32);
         let of_machine = self.machine.iter().filter(|_| letter == b'M').map(|rule| rule.number.saturating_mul(10));
         let mut numbers: Vec<_> = known.chain(of_machine).collect();
         numbers.sort_unstable();
@@ -147,7 +165,7 @@ pub(crate) fn knows_m_code(dialect: DialectName, number: f64) -> bool {
 /// Where the codes of a letter begin in the index.
 #[inline]
 const fn first_index(letter: u8) -> usize {
-    if letter == b'G' { 0 } else { CODE_TENTHS }
+    if letter == b'G' { 0 } else { INDEXED_TENTHS }
 }
 
 /// A code number in tenths, if it has at most one decimal place and is in range.
