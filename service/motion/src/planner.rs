@@ -260,7 +260,10 @@ impl<B> Planner<B> {
         self.release_chain();
         match &mut self.held {
             Some(held) => held.push_back(PathItem::Barrier(barrier)),
-            None => self.ready.push_back(Released::barrier(barrier)),
+            None => {
+                self.scratch.lacks_more = false;
+                self.ready.push_back(Released::barrier(barrier));
+            }
         }
     }
 
@@ -273,8 +276,10 @@ impl<B> Planner<B> {
 
     /// Takes the next planned item; `None` until more is pushed or the path is finished.
     pub fn pop(&mut self) -> Option<Planned<B>> {
-        self.settle_first();
-        self.row.settled = self.row.settled.saturating_sub(1);
+        if self.settings.limits.is_some() {
+            self.settle_first();
+            self.row.settled = self.row.settled.checked_sub(1)?;
+        }
         self.ready.pop_front().map(|released| released.planned)
     }
 
@@ -291,6 +296,7 @@ impl<B> Planner<B> {
     /// Takes back everything that was pushed and not popped, in order.
     pub fn withdraw(&mut self) -> Vec<PathItem<B>> {
         self.row = Row::default();
+        self.scratch.lacks_more = false;
         let ready = self.ready.drain(..).map(|released| PathItem::from(released.planned));
         self.chain_bytes = 0;
         let chain = self.chain.drain(..).map(|waiting| PathItem::Motion(waiting.request));
@@ -364,13 +370,16 @@ impl<B> Planner<B> {
         if let Some(stop) = self.scratch.stop {
             return self.release_until(stop);
         }
-        self.release(self.chain.len());
-        self.entry_speed = 0.0;
+        self.release(self.chain.len(), 0.0);
         self.overspeed = 0.0;
         self.next_start = self.next_start.map(|_| LEAST_START);
     }
 
     fn clear_chain(&mut self) {
+        if let Some(last) = self.ready.back_mut() {
+            last.last.get_or_insert(0.0);
+        }
+        self.scratch.lacks_more = false;
         self.chain.clear();
         self.chain_bytes = 0;
     }
@@ -397,16 +406,12 @@ impl<B> Planner<B> {
         };
         match self.scratch.cut(self.chain.len() / 2).filter(|&(count, _)| count >= enough) {
             Some((count, speed)) => {
-                self.release(count);
-                self.entry_speed = speed;
+                self.release(count, speed);
                 self.next_start = None;
             }
             // All of it brakes: with more of the path known there will be a place to divide it.
             None if !is_overdue => self.runs_before = self.scratch.run_lengths(0),
-            None => {
-                self.release(self.chain.len());
-                self.entry_speed = 0.0;
-            }
+            None => self.release(self.chain.len(), 0.0),
         }
         self.next_plan = window.max(self.chain.len() + window / 4);
         self.next_plan_bytes = window_bytes.max(self.chain_bytes + window_bytes / 4);
@@ -457,7 +462,7 @@ impl<B> Planner<B> {
         let Stop { node, s } = stop;
         let element = self.scratch.element(node);
         let first = self.scratch.first_node_of(element);
-        self.release(element);
+        self.release(element, 0.0);
         if let Some(Waiting { request, entry }) = self.chain.front_mut() {
             let within = node - first;
             let start = if within == 0 { request.start } else { request.stretches[within - 1].end };
@@ -484,7 +489,6 @@ impl<B> Planner<B> {
         if let Some(Waiting { entry, .. }) = self.chain.front_mut() {
             *entry = Junction::REST;
         }
-        self.entry_speed = 0.0;
         self.overspeed = 0.0;
         self.begun = None;
         self.runs_before.clear();
@@ -492,8 +496,8 @@ impl<B> Planner<B> {
         self.held = Some(VecDeque::new());
     }
 
-    /// Releases the first `count` elements of the planned chain.
-    fn release(&mut self, count: usize) {
+    /// Releases the first `count` elements of the planned chain, which has this speed behind them, mm/s.
+    fn release(&mut self, count: usize, end_speed: f64) {
         let mut node = 0;
         for Waiting { mut request, entry } in self.chain.drain(..count) {
             request.entry_reserve = entry.reserve;
@@ -502,9 +506,11 @@ impl<B> Planner<B> {
             let planned = Planned::Motion(PlannedMotion::new(request, stretches));
             self.ready.push_back(Released { planned, entry, last: None });
         }
-        if let Some(last) = self.ready.back_mut().filter(|_| count > 0) {
+        if let Some(last) = self.ready.back_mut().filter(|_| count > 0 && end_speed == 0.0) {
             last.last = Some(self.chain.front().map_or(0.0, |next| next.entry.reserve));
         }
+        self.entry_speed = end_speed;
+        self.scratch.lacks_more = false;
         self.begun = self.scratch.begun_at(node, self.begun.as_ref());
         self.runs_before = self.scratch.run_lengths(node);
         self.next_plan = self.settings.window;

@@ -169,9 +169,8 @@ pub(crate) const MAX_CORNER_TRIES: usize = 12;
 pub(crate) const FIRST_PLAN: usize = 1_000;
 /// Elements after which a start is tried before [`FIRST_PLAN`], where elements are long: merged blocks.
 pub(crate) const LEAST_START: usize = 32;
-/// Time of what such a start releases at the least, s; and where it costs some hundredths of a second, as the plan for the least time
-/// then has the speed of the plan of runs there, which is below that and the commanded one.
-pub(crate) const START_S: [f64; 2] = [1.0, 5.0];
+/// Time of what such a start releases at the least, s.
+pub(crate) const START_S: f64 = 1.0;
 /// Length of a run that may go on, in lengths of its stop, from which what is slower is not joined to it but divided from it: twice
 /// the one from which a run with the same acceleration is.
 pub(crate) const LONG_STOPS: f64 = 4.0;

@@ -8,8 +8,8 @@
 //! to its end, by the runs beyond. So a plan is never slower than the one of its runs. Where a junction at an end takes a share of
 //! acceleration and jerk, the row leaves it free there, and only there.
 //!
-//! A window is planned when the first element on it is taken, from what was released together with it. So it does not matter when
-//! that is, and a change of the feed override withdraws little that has cost time.
+//! A window is planned when the first element on it is taken and all of it was released, over several releases where the path goes
+//! on from one to the next. So it does not matter when that is, and a change of the feed override withdraws little that has cost time.
 
 use std::collections::VecDeque;
 
@@ -30,7 +30,7 @@ pub(super) struct Released<B> {
     pub(super) planned: Planned<B>,
     /// How its element is entered.
     pub(super) entry: Junction,
-    /// Where a release ends with it, the share that the junction behind it takes.
+    /// Where the path rests behind it, the share that the junction there takes.
     pub(super) last: Option<f64>,
 }
 
@@ -128,17 +128,23 @@ struct Ahead<'a, B> {
     item: usize,
     stretch: usize,
     nodes: Vec<Node>,
-    /// What the junction behind the release takes, where the nodes reach to its end.
+    /// What the junction takes at which the path rests, where the nodes reach to it.
     end: Option<f64>,
+    /// Whether there was a wish for nodes that are not released.
+    lacks_more: bool,
 }
 
 impl<B> Ahead<'_, B> {
-    /// Adds the next stretch; whether the path has no acceleration at its end. `None` behind the last of the release.
+    /// Adds the next stretch; whether the path has no acceleration at its end. `None` where the path rests, and behind all that is
+    /// released.
     fn add_node(&mut self) -> Option<bool> {
         if self.end.is_some() {
             return None;
         }
-        let released = self.ready.get(self.item)?;
+        let Some(released) = self.ready.get(self.item) else {
+            self.lacks_more = true;
+            return None;
+        };
         let Planned::Motion(motion) = &released.planned else { return None };
         let planned = motion.stretches.get(self.stretch)?;
         let StretchProfile::Phases(part) = planned.profile else { return None };
@@ -227,33 +233,41 @@ enum Outcome {
 }
 
 impl Row {
-    /// Settles some more of what is ready, of which nothing is settled.
+    /// Settles some more of what is ready, of which nothing is settled; whether enough of the path is released for that.
     pub(super) fn settle<B>(
         &mut self,
         ready: &mut VecDeque<Released<B>>,
         feed_override: f64,
         limits: &AxisLimits,
         speed: &mut SpeedPlanner,
-    ) {
+    ) -> bool {
         let Some(Released { planned: Planned::Motion(_), .. }) = ready.front() else {
             self.settled = ready.len().min(1);
-            return;
+            return true;
         };
+        let stretch = self.done;
         let mut ahead =
-            Ahead { ready: &*ready, feed_override, item: 0, stretch: self.done, nodes: Vec::new(), end: None };
+            Ahead { ready: &*ready, feed_override, item: 0, stretch, nodes: Vec::new(), end: None, lacks_more: false };
         let mut single = 0;
         if self.found.is_some() {
             while ahead.nodes.len() < self.known && ahead.add_node().is_some() {}
         } else {
             let section = ahead.add_section();
             single = ahead.nodes.len();
+            if ahead.lacks_more {
+                return false;
+            }
             if !section.is_some_and(|section| section.is_open) {
-                return self.leave(ready, single.max(1));
+                self.leave(ready, single.max(1));
+                return true;
             }
         }
         let known = (ahead.nodes.len(), ahead.item, ahead.stretch, ahead.end);
         let window_s = (2.0 * self.window_s).clamp(FIRST_WINDOW_S, WINDOW_S);
         let (mut count, mut exit_reserve, mut is_last) = extend(&mut ahead, window_s);
+        if ahead.lacks_more {
+            return false;
+        }
         let mut joints = self.joints(&ahead.nodes[..count]);
         let task = Task { ahead: &ahead, count, joints: &joints, exit_reserve, is_last, kept: KEPT_KNOTS };
         let mut outcome = self.plan(&task, limits, speed);
@@ -286,6 +300,7 @@ impl Row {
             Outcome::NothingToGain => self.leave(ready, count),
             Outcome::NotFound => self.leave(ready, single),
         }
+        true
     }
 
     /// Goes on with what was found before, where no other window is: to its end, or to somewhat farther on it where there may be a
@@ -485,11 +500,12 @@ fn extend<B>(ahead: &mut Ahead<'_, B>, window_s: f64) -> (usize, f64, bool) {
 }
 
 impl<B> Planner<B> {
-    /// Has the first of what is ready settled.
+    /// Has the first of what is ready settled, if enough is ready.
     pub(super) fn settle_first(&mut self) {
         let Some(limits) = &self.settings.limits else { return };
-        while self.row.settled == 0 && !self.ready.is_empty() {
-            self.row.settle(&mut self.ready, self.feed_override, limits, &mut self.scratch.speed);
+        let (ready, scratch) = (&mut self.ready, &mut self.scratch);
+        while self.row.settled == 0 && !ready.is_empty() && !scratch.lacks_more {
+            scratch.lacks_more = !self.row.settle(ready, self.feed_override, limits, &mut scratch.speed);
         }
     }
 }

@@ -185,11 +185,6 @@ impl Run {
         Self { count: 0, length: 0.0, released_mm: self.released_mm + self.length, ..self }
     }
 
-    /// Whether it can be run as fast as commanded.
-    pub(super) fn reaches_command(&self) -> bool {
-        self.limits.velocity >= self.commanded
-    }
-
     /// Length in which it stops from the highest speed of its limits, mm.
     pub(super) fn stop_mm(&self) -> f64 {
         change_length(self.limits.velocity, 0.0, &self.limits)
@@ -245,6 +240,8 @@ pub(super) struct Plan {
     pub(super) runs: Vec<Run>,
     pub(super) stop: Option<Stop>,
     pub(super) speed: SpeedPlanner,
+    /// Whether what is released was found to be too little to settle more of it.
+    pub(super) lacks_more: bool,
 }
 
 impl Clone for Plan {

@@ -23,9 +23,8 @@ impl<B> Planner<B> {
         if self.is_held() || !comes_from_rest || !self.plan(None) || self.scratch.stop.is_some() {
             return;
         }
-        if let Some((count, speed)) = self.scratch.settled_cut(self.settings.limits.is_some()) {
-            self.release(count);
-            self.entry_speed = speed;
+        if let Some((count, speed)) = self.scratch.settled_cut() {
+            self.release(count, speed);
             self.next_start = None;
         }
     }
@@ -34,7 +33,7 @@ impl<B> Planner<B> {
 impl Plan {
     /// Where to divide a planned chain that comes from rest so that its first part is as it would be with more of the path known, and
     /// takes [`START_S`]: the number of elements, and the speed there, at which it has no acceleration.
-    fn settled_cut(&mut self, is_least_time: bool) -> Option<(usize, f64)> {
+    fn settled_cut(&mut self) -> Option<(usize, f64)> {
         let settled = self.settled_runs()?;
         let mut before_s = Vec::with_capacity(settled);
         let mut time_s = 0.0;
@@ -42,13 +41,9 @@ impl Plan {
             before_s.push(time_s);
             time_s += self.profile(run).duration();
         }
-        let [at_feed_s, elsewhere_s] = START_S;
         (0..settled).rev().find_map(|run| {
             let (node, speed, inside_s) = self.place_in_cruise(run).or_else(|| self.place_at_start(run))?;
-            // At the commanded speed the plan for the least time is the same.
-            let costs_time = is_least_time && !self.runs[run].reaches_command();
-            let least_s = if costs_time { elsewhere_s } else { at_feed_s };
-            (before_s[run] + inside_s >= least_s).then(|| (self.element(node), speed))
+            (before_s[run] + inside_s >= START_S).then(|| (self.element(node), speed))
         })
     }
 

@@ -6,7 +6,7 @@ mod optimum;
 
 use common::{PERIOD_S, machine, programs, request, smoothed, within};
 use feedwave_motion::{
-    CornerSpeed, Machine, Planned, PlannedMotion, Planner, PlannerSettings, Smoothed, StretchProfile,
+    CornerSpeed, Machine, MotionRequest, Planned, PlannedMotion, Planner, PlannerSettings, Smoothed, StretchProfile,
 };
 use feedwave_program::PathControl;
 
@@ -189,6 +189,54 @@ fn a_tangent_arc_within_a_tolerance_gains_most_of_a_third() {
     assert!(least < 0.8 * runs, "{least} of {runs} s");
     let [runs, least] = times(program, PathControl::ExactPath, &machine, PERIOD_S);
     assert!(least < 0.85 * runs, "{least} of {runs} s");
+}
+
+/// What comes out where it is taken as soon as it is there and the planner is stored and read back now and then, and after how many
+/// elements the first of it came.
+fn plan_step_by_step(requests: &[MotionRequest], settings: PlannerSettings) -> (Vec<PlannedMotion>, usize) {
+    let mut planner = Planner::<()>::new(settings);
+    let mut motions = Vec::new();
+    let mut first = None;
+    for (index, request) in requests.iter().enumerate() {
+        planner.push_motion(request.clone());
+        while let Some(Planned::Motion(motion)) = planner.pop() {
+            first.get_or_insert(index + 1);
+            motions.push(motion);
+        }
+        if index % 61 == 0 {
+            let stored = postcard::to_stdvec(&planner).expect("a planner is plain data");
+            planner = postcard::from_bytes(&stored).expect("its own bytes");
+        }
+    }
+    planner.finish();
+    motions.extend(std::iter::from_fn(|| planner.pop()).filter_map(|item| match item {
+        Planned::Motion(motion) => Some(motion),
+        Planned::Barrier(()) => None,
+    }));
+    (motions, first.unwrap_or(requests.len()))
+}
+
+#[test]
+fn windows_lead_over_what_is_released_together_and_it_does_not_matter_when_it_is_taken() {
+    let machine = machine();
+    for program in [common::raster(), common::freeform()] {
+        let requests: Vec<_> = smoothed(&program, within(0.05), CornerSpeed::Changing)
+            .into_iter()
+            .map(|Smoothed { element, rest_at_end, .. }| request(element, rest_at_end, &machine))
+            .collect();
+        let settings = |window| PlannerSettings::new(&machine, window, PERIOD_S).for_least_time(&machine);
+        let plan = |window| plan(&program, within(0.05), &machine, (settings(window), CornerSpeed::Changing));
+        let whole = plan(50_000);
+        for window in [200, 1_000] {
+            let motions = plan(window);
+            let (one_by_one, first) = plan_step_by_step(&requests, settings(window));
+            assert_eq!(one_by_one, motions, "{}", program.name);
+            let ratio = seconds(&motions) / seconds(&whole);
+            println!("{}, {window} elements: {ratio}, the first after {first} of {}", program.name, requests.len());
+            assert!(ratio <= 1.002, "{}: {ratio}", program.name);
+            assert!(first <= requests.len() / 2, "{}: {first} elements", program.name);
+        }
+    }
 }
 
 #[test]
