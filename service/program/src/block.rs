@@ -11,7 +11,7 @@ use crate::code;
 use crate::dialect::{Code, CodeTable, Flow, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
 use crate::expression::Assignment;
 use crate::finding::FindingMark;
-use crate::interpreter::System;
+use crate::interpreter::{System, is_conditional_return};
 use crate::lexer::{Lexer, Token, TokenKind};
 use crate::lookalike::{self, Stretch};
 use crate::number::Number;
@@ -34,6 +34,16 @@ fn is_label(number: Number) -> bool {
     // A number that is not whole, negative, or beyond `u32` is another one as `u32`.
     let whole = number.value() as u32;
     f64::from(whole) == number.value() && whole <= LARGEST_LABEL as u32
+}
+
+/// Whether this is a number behind two or more signs.
+fn is_number_of_signs(text: &[u8]) -> bool {
+    let text = text.trim_ascii();
+    let signs = text.iter().take_while(|byte| matches!(byte, b'+' | b'-')).count();
+    let number = &text[signs..];
+    let points = number.iter().filter(|byte| **byte == b'.').count();
+    let digits = number.iter().filter(|byte| byte.is_ascii_digit()).count();
+    signs >= 2 && points <= 1 && digits > 0 && points + digits == number.len()
 }
 
 /// A word: its place and its value.
@@ -174,8 +184,14 @@ impl Block {
         loop {
             if let Some(token) = tokens.next_word() {
                 if token.letter == b'O' {
-                    if !self.is_labelled_only() {
+                    let is_first = self.is_labelled_only();
+                    if !is_first || o_words() && self.comment.1 != 0 {
                         self.report_misplaced_o(line, token, findings);
+                        // A statement that is not carried out: what follows is not known.
+                        if is_first {
+                            (self.extent, self.has_failed) = ((token.start, token.end), true);
+                            return;
+                        }
                         continue;
                     }
                     if o_words() {
@@ -183,7 +199,7 @@ impl Block {
                     }
                 }
                 self.add_word(token, table, findings);
-                if self.rest.is_some() {
+                if self.rest.is_some() || self.has_failed {
                     return;
                 }
                 continue;
@@ -204,12 +220,21 @@ impl Block {
                     self.report_defect(line, token, findings);
                 }
                 TokenKind::LoneLetter | TokenKind::Computed | TokenKind::Expression
-                    if token.letter == b'O' && o_words() && self.is_labelled_only() =>
+                    if token.letter == b'O' && o_words() && self.is_labelled_only() && self.comment.1 == 0 =>
                 {
                     return self.begin_rest(Rest::OWord(token.start));
                 }
                 TokenKind::Corner => self.add_comma_word(line, token, table, findings),
                 TokenKind::Statement if self.is_labelled_only() => {
+                    return self.begin_rest(Rest::Statement(token.start));
+                }
+                // A condition without IF.
+                TokenKind::Expression
+                    if token.letter != b'O'
+                        && !o_words()
+                        && is_conditional_return(line, token.start as usize)
+                        && self.is_labelled_only() =>
+                {
                     return self.begin_rest(Rest::Statement(token.start));
                 }
                 TokenKind::Comment => {
@@ -218,6 +243,16 @@ impl Block {
                 }
                 TokenKind::Computed | TokenKind::Assignment => {
                     self.read_computed(line, token, table, system, findings);
+                    if self.has_failed {
+                        return;
+                    }
+                }
+                // Any number of signs is read there.
+                TokenKind::MalformedNumber
+                    if table.dialect.is_linuxcnc
+                        && is_number_of_signs(&line[token.start as usize + 1..token.end as usize]) =>
+                {
+                    self.read_computed(line, Token { kind: TokenKind::Computed, ..token }, table, system, findings);
                     if self.has_failed {
                         return;
                     }
@@ -366,6 +401,12 @@ impl Block {
         self.groups != 0 || !self.machine.is_empty()
     }
 
+    /// Whether it has no code but M codes of the machine.
+    #[inline]
+    pub(crate) const fn has_only_machine_codes(&self) -> bool {
+        self.groups == 0
+    }
+
     /// Whether there is a code of this group, and no other.
     #[inline]
     pub(crate) const fn has_only(&self, group: Group) -> bool {
@@ -473,7 +514,7 @@ impl Block {
         if let Meaning::Unsupported(what) = meaning {
             self.report_unsupported_code(token, what, findings);
         } else if let Meaning::OfOtherSystem(what) = meaning {
-            self.report_code_of_other_system(token, what, findings);
+            return self.report_code_of_other_system(token, what, findings);
         } else if meaning == Meaning::VariableLead {
             self.report_variable_lead(token, findings);
         }

@@ -168,13 +168,18 @@ pub(crate) fn evaluate(line: &[u8], at: usize, context: &mut Context<'_>) -> Res
     Ok((value, parser.at()))
 }
 
-/// Reads the condition in brackets that starts at `at`, and says where it ends.
-pub(crate) fn condition(line: &[u8], at: usize, context: &mut Context<'_>) -> Result<(bool, usize), Box<Defect>> {
+/// Reads the condition in brackets that starts at `at`, and says where it ends. With `takes_numbers` every value but 0 is true.
+pub(crate) fn condition(
+    line: &[u8],
+    at: usize,
+    takes_numbers: bool,
+    context: &mut Context<'_>,
+) -> Result<(bool, usize), Box<Defect>> {
     let mut parser = Parser::new(line, at, context);
     let operand = parser.bracketed()?;
     let holds = match operand {
         Operand::Truth(holds) => holds,
-        Operand::Number(value) if !parser.rules().has_truth_values => value != 0.0,
+        Operand::Number(value) if takes_numbers || !parser.rules().has_truth_values => value != 0.0,
         Operand::Number(_) | Operand::Vacant => {
             return Err(Defect::new(
                 code::EXPRESSION_TRUTH,

@@ -46,7 +46,7 @@ use crate::{
 
 use corner::Corner;
 use execute::Execution;
-pub(crate) use flow::{FlowState, Statement, called_program, classify, digits, name};
+pub(crate) use flow::{FlowState, Statement, called_program, classify, digits, is_conditional_return, name};
 use flow::{Index, Indexer};
 pub(crate) use lines::find_line_end;
 use straight::Straight;

@@ -136,6 +136,21 @@ impl Parameters {
         self.changes
     }
 
+    /// Whether all parameters are as those, however often they have changed.
+    pub(crate) fn are_as(&self, other: &Self) -> bool {
+        // What loops count with comes first.
+        self.level == other.level
+            && self.common == other.common
+            && self.globals == other.globals
+            && self.callers == other.callers
+            && self.returned == other.returned
+    }
+
+    /// Counts the changes from another number on; gives the one before.
+    pub(crate) const fn exchange_changes(&mut self, changes: u64) -> u64 {
+        core::mem::replace(&mut self.changes, changes)
+    }
+
     /// Levels of calls with parameters of their own, 0 in the main program.
     pub(crate) fn depth(&self) -> usize {
         self.callers.len()

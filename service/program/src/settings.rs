@@ -298,8 +298,13 @@ impl LanguageSettings {
             return None;
         }
         // The manuals of Haas controls state theirs, and no parameter changes it.
-        let is_haas = self.drilling.style == DrillingStyle::Haas || self.coordinates.style == CoordinateStyle::Haas;
-        self.initial_motion.or(is_haas.then_some(InitialMotion::Rapid))
+        self.initial_motion.or(self.is_haas().then_some(InitialMotion::Rapid))
+    }
+
+    /// Whether the control is one of Haas, as far as the settings say so.
+    pub(crate) fn is_haas(&self) -> bool {
+        self.dialect != DialectName::LinuxCnc
+            && (self.drilling.style == DrillingStyle::Haas || self.coordinates.style == CoordinateStyle::Haas)
     }
 
     /// The codes of feed per minute and per revolution, as findings name them. A lathe whose G-code system is not known reads

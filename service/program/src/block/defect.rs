@@ -49,11 +49,19 @@ impl Block {
 
     #[cold]
     pub(super) fn report_code_of_other_system(&mut self, token: Token, what: &str, findings: &mut FindingLog) {
+        // What follows would be read as the codes of a system that the program is not written in.
+        self.has_failed = true;
         self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
-            finding.message = format!("{} is {what}", name(token));
-            finding.suggest("write the code of the G-code system that the machine profile names").suggest(
-                "set language.g_code_system of the machine profile to the system that the program is written in",
-            )
+            finding.message = format!("{} is {what}: what follows is not read", name(token));
+            let system = match (what.contains("system C "), what.contains("system B "), what.contains("system A ")) {
+                (true, false, false) => "G_CODE_SYSTEM_C",
+                (false, true, false) => "G_CODE_SYSTEM_B",
+                (false, false, true) => "G_CODE_SYSTEM_A",
+                _ => "G_CODE_SYSTEM_B or G_CODE_SYSTEM_C",
+            };
+            finding
+                .suggest(format!("where the program is written in that system, set language.g_code_system of the machine profile to {system}"))
+                .suggest("where it is not, write the code of the system that the machine profile names")
         });
     }
 
@@ -160,6 +168,12 @@ impl Block {
     pub(super) fn report_misplaced_o(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
         if let Some(stretch) = Self::zero_written_as_o(line, token) {
             return self.report_lookalike(line, &stretch, findings);
+        }
+        if self.is_labelled_only() {
+            return self.defect(code::CHARACTER, token, findings, |mut finding| {
+                "O is behind a comment: an O-word is the first of its line".clone_into(&mut finding.message);
+                finding.suggest("write the comment behind it")
+            });
         }
         self.defect(code::CHARACTER, token, findings, |mut finding| {
             "O is behind other words: a program number is the first word of its block".clone_into(&mut finding.message);

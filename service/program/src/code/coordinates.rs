@@ -47,6 +47,15 @@ crate::finding_codes! {
         example: mill("G51 X0 Y0 I2. J3. K1.\nG2 X10 R10 F100"),
     }
 
+    "PRG-COORD-TURNED-UNDER-SHIFT" [COORD_TURNED_UNDER_SHIFT: Error] {
+        meaning: "the work system in force is turned while it is shifted",
+        cause: "`G10 L2 R` turns the system in force under a shift of `G52` or `G92`. LinuxCNC 2.9 counts the present position anew \
+              without the shift, so that an axis which the next move does not name goes to another place than the one where it stands; \
+              by its description the machine would stay.",
+        cure: "Clear the shift before the turn, and set it again behind it.",
+        example: linuxcnc("G52 X5\nG0 X10 Y0\nG10 L2 P1 R45\nX10\nM2"),
+    }
+
     "PRG-COORD-INCREMENT" [COORD_INCREMENT: Warning] {
         meaning: "an incremental move directly behind the start or the end of a rotation",
         cause: "Controls count it from the rotated or from the plain coordinates of the present position.",

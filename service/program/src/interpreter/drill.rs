@@ -289,7 +289,7 @@ impl Execution<'_> {
             self.state.position = at;
             return;
         };
-        self.note_return(hole.axis, &start);
+        self.note_return(hole.axis, hole.r, &start);
         if repeats == 0 {
             // The words are stored, and nothing moves.
             return;
@@ -343,14 +343,15 @@ impl Execution<'_> {
     }
 
     /// Warns of a change from `G99` to `G98` within the mode.
-    fn note_return(&mut self, axis: usize, start: &Position) {
+    fn note_return(&mut self, axis: usize, r: f64, start: &Position) {
         let to_r = self.state.drilling.to_r;
         let before = self.state.drilling.returned_to_r.replace(to_r);
         let level = self.start_level(axis);
-        if before != Some(true) || to_r || start[axis] == level {
+        let (span, linuxcnc) = (self.block.span(), self.is_linuxcnc());
+        // To an R level above the start LinuxCNC goes where the tool is.
+        if before != Some(true) || to_r || start[axis] == level || linuxcnc && level < r {
             return;
         }
-        let (span, linuxcnc) = (self.block.span(), self.is_linuxcnc());
         self.findings.push_with(code::CYCLE_RETURN, |code| {
             let message = if linuxcnc {
                 "G98 while the tool is at the R level: it goes to the next hole and up to the level of the start at once"
@@ -385,8 +386,8 @@ impl Execution<'_> {
             self.turn(SpindleDirection::Stopped);
         }
         let axis = hole.axis;
-        if self.is_linuxcnc() && self.state.position[axis] < hole.r && self.start_level(axis) < hole.r {
-            // Up to the R level where the tool is.
+        if self.is_linuxcnc() && self.state.position[axis] != hole.r && self.start_level(axis) < hole.r {
+            // To an R level above the start where the tool is, whether that is up or, from one still higher, down.
             let mut up = self.state.position;
             up[axis] = hole.r;
             let step = self.new_move(MoveKind::Rapid, up, Feed::PerMinute(0.0));

@@ -7,6 +7,7 @@
 mod bounds;
 mod calls;
 mod index;
+mod labels;
 mod line;
 mod macro_b;
 mod o_words;
@@ -14,9 +15,11 @@ mod targets;
 mod values;
 mod whole_lines;
 
+use labels::Labels;
+
 pub(crate) use calls::called_program;
 pub(super) use index::{Index, Indexer};
-pub(crate) use line::{Statement, classify, digits, name};
+pub(crate) use line::{Statement, classify, digits, is_conditional_return, name};
 
 use serde::{Deserialize, Serialize};
 
@@ -80,14 +83,14 @@ pub(crate) struct FlowState {
     moves: u64,
     /// Blocks with codes.
     codes: u64,
-    /// A round of a loop that changed no variable and moved nothing, but had codes.
-    still_round: Option<Box<StillRound>>,
     /// Loops that jumps back have made in the program that is read, outermost first.
     jumps: Vec<JumpLoop>,
     /// A program was called or a jump made: what is behind the end of the program need not be looked at.
     has_jumped: bool,
     /// `M99` in the main program.
     restarts_at: Option<SourceSpan>,
+    /// O-words that have begun something.
+    labels: Labels,
     /// The turning cycle along a contour that is being carried out.
     pub(super) contour: Option<Box<ContourRun>>,
 }
@@ -101,13 +104,15 @@ struct Signature {
     codes: u64,
 }
 
-/// What a round of a loop left behind.
+/// Everything at the end of a round of a loop, which later rounds are held against.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct StillRound {
-    /// Where the loop goes back.
-    span: SourceSpan,
+struct Seen {
+    /// That round.
+    round: u64,
     /// Everything but control flow.
     state: InterpreterState,
+    /// Macros that were in force.
+    modal: Vec<ModalCall>,
 }
 
 /// A program that waits for one that it called.
@@ -184,6 +189,8 @@ struct Loop {
     since: u64,
     /// The state when the last round began.
     signature: Signature,
+    /// The state that rounds are held against.
+    seen: Option<Box<Seen>>,
 }
 
 /// A loop that a program makes by jumps back (`GOTO`, `M99 P`); jumps whose lines cross make one together.
@@ -199,6 +206,8 @@ struct JumpLoop {
     span: SourceSpan,
     /// The state at that.
     signature: Signature,
+    /// The state that rounds are held against.
+    seen: Option<Box<Seen>>,
     /// Rounds begun, the one before its first jump among them.
     iteration: u64,
     /// Blocks executed before its first jump.

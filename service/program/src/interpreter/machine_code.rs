@@ -4,7 +4,7 @@ use super::execute::Execution;
 use super::saved;
 use crate::block::MachineWord;
 use crate::code;
-use crate::dialect::{MachineAction, MachineStep, letter_bit};
+use crate::dialect::{Letter, MachineAction, MachineStep, letter_bit};
 use crate::state::ModeContext;
 use crate::{Finding, FunctionWord, MachineCommand, OperationKind, SourceSpan, SpindleDirection, UnlistedMachineCodes};
 
@@ -31,14 +31,15 @@ impl Execution<'_> {
         let mut pending = Vec::with_capacity(block.machine_codes().len());
         for word in block.machine_codes() {
             let mut words = Vec::new();
-            for letter in (b'A'..=b'Z').filter(|letter| word.rule.words & letter_bit(*letter) != 0) {
+            let letters = if word.is_unlisted { self.letters_of_unlisted() } else { word.rule.words };
+            for letter in (b'A'..=b'Z').filter(|letter| letters & letter_bit(*letter) != 0) {
                 if let Some(word) = self.take(letter) {
                     let span = block.word_span(&word);
                     words.push(FunctionWord { letter: char::from(letter), value: word.number.value(), span });
                 }
             }
             if word.is_unlisted {
-                self.note_unlisted(word);
+                self.note_unlisted(word, &words);
             }
             let code = Pending { word: *word, words };
             if self.table.dialect.m_codes_closed {
@@ -130,8 +131,17 @@ impl Execution<'_> {
         }
     }
 
+    /// The letters of the words that an unlisted M code takes: those that nothing else in its block could.
+    fn letters_of_unlisted(&self) -> u32 {
+        if !self.block.has_only_machine_codes() {
+            return 0;
+        }
+        let places = (0..26).filter(|place| self.table.dialect.letters[*place] == Letter::Parameter);
+        places.fold(0, |mask, place| mask | 1 << place)
+    }
+
     /// Says once that nobody has said what an M code does, or refuses it as the profile says.
-    fn note_unlisted(&mut self, word: &MachineWord) {
+    fn note_unlisted(&mut self, word: &MachineWord, words: &[FunctionWord]) {
         let number = word.rule.number;
         let code = match self.settings.unlisted_machine_codes {
             UnlistedMachineCodes::Error => code::MACHINE_CODE_REFUSED,
@@ -148,7 +158,13 @@ impl Execution<'_> {
             let message = format!("M{number} is neither a code of this dialect nor listed by the profile");
             Finding::new(code, word.span, message)
                 .with_value("m_code", f64::from(number), "")
-                .suggest(format!("list M{number} in machine_codes of the profile's language, with its effect"))
+                .suggest(match words {
+                    [] => format!("list M{number} in machine_codes of the profile's language, with its effect"),
+                    words => {
+                        let letters: String = words.iter().map(|word| word.letter).collect();
+                        format!("list M{number} in machine_codes of the profile's language, with its effect and its words {letters}")
+                    }
+                })
         });
     }
 

@@ -299,7 +299,12 @@ impl Execution<'_> {
         let settings = self.settings;
         let mut place = self.state.coords.stored_offset_of(system, settings);
         if let Some(word) = rotation {
+            let before = self.state.coords.offset_of(active, settings).rotation_deg;
             place.rotation_deg = self.scaled(&word, false);
+            let [x, y] = [self.state.coords.shift[0], self.state.coords.shift[1]];
+            if system == active && place.rotation_deg != before && [x, y] != [0.0; 2] {
+                return self.rotation_under_shift(span, [x, y]);
+            }
         }
         if to_present {
             self.read_as(&mut place, &axes);
@@ -307,6 +312,22 @@ impl Execution<'_> {
             axes.iter().for_each(|(axis, _, value)| place.offset[axis.index()] = *value);
         }
         self.rebase(|state| state.coords.set_offset(system, place));
+    }
+
+    /// Refuses another rotation of the system in force under a shift: LinuxCNC counts the present position anew without the shift,
+    /// so that an axis which the next move does not name goes elsewhere.
+    #[cold]
+    fn rotation_under_shift(&mut self, span: SourceSpan, [x, y]: [f64; 2]) {
+        self.findings.push_with(code::COORD_TURNED_UNDER_SHIFT, |code| {
+            let message = format!(
+                "the system in force is turned under a shift of G52 or G92 by X{x} Y{y}: LinuxCNC 2.9 forgets the shift when it \
+                 counts the position anew, and goes elsewhere with an axis that the next move does not name"
+            );
+            Finding::new(code, span, message)
+                .with_value("shift_x", x, "mm")
+                .with_value("shift_y", y, "mm")
+                .suggest("clear the shift in a block before (G52 X0 Y0), and set it again in a block behind")
+        });
     }
 
     /// Moves a system so that the present position reads the given values in it; unnamed axes read what they do.

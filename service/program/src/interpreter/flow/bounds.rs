@@ -1,14 +1,21 @@
 //! How long a program may go round: its bounds, and the loop or the call that is named where one of them is reached.
 //!
-//! Bounds count blocks, as nobody knows in advance whether a loop ends. A round after which everything is as before is endless at
-//! once.
+//! Bounds count blocks, as nobody knows in advance whether a loop ends. A round after which everything is as after one before is
+//! endless at once: what follows depends on nothing else. Rounds are held against one of the rounds before, which is replaced at
+//! twice its number, so that rounds that repeat in turn are found as well (R. P. Brent, "An improved Monte Carlo factorization
+//! algorithm", 1980).
 
 use super::{
-    Call, FlowState, Interpreter, JumpLoop, Loop, LoopKind, MAX_LOOPS, Mark, Pending, Signature, StillRound, span_of,
+    Call, FlowState, Interpreter, JumpLoop, Loop, LoopKind, MAX_LOOPS, Mark, Pending, Seen, Signature, span_of,
 };
 use crate::code;
 use crate::dialect::Flow;
-use crate::{Finding, FindingLog, SourceSpan};
+use crate::{Finding, FindingLog, InterpreterState, SourceSpan};
+
+/// The round whose state is kept first, where rounds change variables: most loops end before, and pay nothing.
+const FIRST_SEEN: u64 = 8;
+/// Most loops within each other of which a state is kept.
+const MOST_SEEN: usize = 4;
 
 /// What goes round again.
 #[derive(Clone, Copy)]
@@ -196,11 +203,12 @@ impl Interpreter {
             from: pending.from.place,
             span: pending.span,
             signature,
+            seen: None,
             iteration: 2,
             since: flow.blocks,
         };
         let mut before = None;
-        flow.jumps.retain(|open| {
+        flow.jumps.retain_mut(|open| {
             if open.from == jump.from {
                 before = Some(open.signature);
             } else if open.is_around(&jump) {
@@ -215,26 +223,29 @@ impl Interpreter {
             flow.jumps.remove(0);
         }
         flow.jumps.push(jump);
-        before.is_some_and(|before| self.is_endless(Round::Jumps, before, findings))
+        self.is_endless(Round::Jumps, before, findings)
     }
 
-    /// An error where what goes round again is in the state that it was in before.
-    pub(super) fn is_endless(&mut self, round: Round, before: Signature, findings: &mut FindingLog) -> bool {
-        let now = self.signature();
-        if (before.changes, before.moves) != (now.changes, now.moves) {
-            return false;
-        }
-        let Some(span) = self.repeated_at(round).map(Repeated::place) else { return false };
-        if before.codes != now.codes && !self.is_as_last_round(span) {
-            return false;
-        }
-        let Some(looped) = self.repeated_at(round) else { return false };
+    /// An error where what goes round again is in a state that it was in before; `before` is the signature of the last round.
+    pub(super) fn is_endless(&mut self, round: Round, before: Option<Signature>, findings: &mut FindingLog) -> bool {
+        // What goes back is a program; from here on nothing counts on.
+        self.state.evidence.settle();
+        let since = match before {
+            Some(before) if before == self.signature() => Some(1),
+            before => self.rounds_since_same(round, before),
+        };
+        let (Some(since), Some(looped)) = (since, self.repeated_at(round)) else { return false };
         findings.push_with(code::ENDLESS, |code| {
             let name = looped.name(self.table.dialect.flow);
-            let message = format!(
-                "nothing has changed since the last round of {name}: no variable, no position, no mode. It never ends"
-            );
-            let finding = looped.named(Finding::new(code, span, message));
+            let message = match since {
+                1 => format!(
+                    "nothing has changed since the last round of {name}: no variable, no position, no mode. It never ends"
+                ),
+                _ => format!(
+                    "everything is as it was {since} rounds before in {name}: variables, position, modes. It never ends"
+                ),
+            };
+            let finding = looped.named(Finding::new(code, looped.place(), message));
             finding.suggest("change what its condition asks for, or leave the loop by a jump")
         });
         true
@@ -248,17 +259,81 @@ impl Interpreter {
         }
     }
 
-    /// Whether a round whose codes may have changed something has left everything as the round before it did.
-    #[cold]
-    fn is_as_last_round(&mut self, span: SourceSpan) -> bool {
-        let mut flow = std::mem::take(&mut self.state.flow);
-        let same = flow.still_round.as_ref().is_some_and(|last| last.span == span && last.state == self.state);
-        if !same {
-            flow.still_round = Some(Box::new(StillRound { span, state: self.state.clone() }));
+    /// How many rounds ago everything was as it is now; keeps the state of this round where it is its turn.
+    fn rounds_since_same(&mut self, round: Round, before: Option<Signature>) -> Option<u64> {
+        // A round that changes no variable repeats itself but for what it asks of the control.
+        let is_suspect = before.is_some_and(|before| before.changes == self.state.parameters.changes());
+        let (number, seen) = self.state.flow.seen_in(round)?;
+        let kept = seen.take();
+        let is_turn = match &kept {
+            Some(seen) if self.is_as(seen) => return Some(number - seen.round),
+            Some(seen) => number >= 2 * seen.round,
+            None => is_suspect || number >= FIRST_SEEN,
+        };
+        let kept = if is_turn { Some(self.keep_round(number)) } else { kept };
+        if let Some((_, seen)) = self.state.flow.seen_in(round) {
+            *seen = kept;
         }
-        self.state.flow = flow;
-        same
+        if is_turn {
+            self.state.flow.limit_seen();
+        }
+        None
     }
+
+    /// Whether everything but control flow is as it was.
+    #[inline]
+    fn is_as(&mut self, seen: &Seen) -> bool {
+        // What most rounds differ in comes first.
+        self.state.position == seen.state.position
+            && self.state.parameters.are_as(&seen.state.parameters)
+            && self.is_all_as(seen)
+    }
+
+    #[cold]
+    fn is_all_as(&mut self, seen: &Seen) -> bool {
+        self.state.flow.modal == seen.modal && self.without_flow(|state| *state == seen.state)
+    }
+
+    #[cold]
+    fn keep_round(&mut self, round: u64) -> Box<Seen> {
+        let state = self.without_flow(Clone::clone);
+        Box::new(Seen { round, state, modal: self.state.flow.modal.clone() })
+    }
+
+    /// What is made of the state without what counts on.
+    fn without_flow<T>(&mut self, read: impl FnOnce(&InterpreterState) -> T) -> T {
+        let flow = std::mem::take(&mut self.state.flow);
+        let changes = self.state.parameters.exchange_changes(0);
+        let made = read(&self.state);
+        self.state.parameters.exchange_changes(changes);
+        self.state.flow = flow;
+        made
+    }
+}
+
+impl FlowState {
+    /// The number of the present round, and the state that it is held against.
+    fn seen_in(&mut self, round: Round) -> Option<(u64, &mut Option<Box<Seen>>)> {
+        match round {
+            Round::Loop(place) => self.loops.get_mut(place).map(|open| (open.iteration, &mut open.seen)),
+            Round::Jumps => self.jumps.last_mut().map(|open| (open.iteration, &mut open.seen)),
+        }
+    }
+
+    /// Forgets the state that is kept of the outermost loop, where too many are.
+    fn limit_seen(&mut self) {
+        let waiting = self.calls.iter_mut().flat_map(|call| seen_of(&mut call.loops, &mut call.jumps));
+        let mut kept: Vec<_> = waiting.chain(seen_of(&mut self.loops, &mut self.jumps)).collect();
+        if kept.len() > MOST_SEEN {
+            *kept[0] = None;
+        }
+    }
+}
+
+/// The states that are kept of the loops of one program.
+fn seen_of<'a>(loops: &'a mut [Loop], jumps: &'a mut [JumpLoop]) -> impl Iterator<Item = &'a mut Option<Box<Seen>>> {
+    let all = loops.iter_mut().map(|open| &mut open.seen).chain(jumps.iter_mut().map(|open| &mut open.seen));
+    all.filter(|seen| seen.is_some())
 }
 
 impl JumpLoop {
@@ -274,7 +349,7 @@ impl JumpLoop {
     }
 
     /// Takes a loop over that goes over its lines as well: both are one from now on.
-    fn join(&mut self, other: &Self) {
+    fn join(&mut self, other: &mut Self) {
         if other.first.place < self.first.place {
             self.first = other.first;
         }
@@ -282,6 +357,7 @@ impl JumpLoop {
             self.last = other.last;
         }
         self.iteration = self.iteration.max(other.iteration + 1);
+        self.seen = other.seen.take().or_else(|| self.seen.take());
         self.since = self.since.min(other.since);
     }
 }

@@ -108,6 +108,14 @@ impl Interpreter {
                 None => self.no_program(span, findings),
             },
             Meaning::Return => {
+                if self.state.flow.calls.last().is_some_and(|call| call.kind == CallKind::Sub) {
+                    let message =
+                        "M99 returns from a program that M98 has called, but this one was called by an O-word";
+                    findings.push_with(code::SUBPROGRAM_END, |code| {
+                        Finding::new(code, span, message).suggest("end it with endsub, or return before its end")
+                    });
+                    return false;
+                }
                 self.end_call(span, self.whole_word(b'P'));
                 true
             }

@@ -1,6 +1,8 @@
 //! Where a program's labels, loops, branches and subprograms are: found in one pass over its bytes when the first jump needs
 //! them, so that programs without jumps pay nothing.
 
+use std::collections::HashMap;
+
 use super::line::{self, Statement};
 use super::{Found, Mark};
 use crate::LanguageSettings;
@@ -30,6 +32,8 @@ pub(in crate::interpreter) struct Control {
     pub(in crate::interpreter) what: Statement,
     /// Number or name of it, as [`line::name`] writes it.
     pub(in crate::interpreter) name: Box<str>,
+    /// Place among the statements of the next one of this name in the same program or subprogram; the last one's is the first.
+    next_of_name: u32,
 }
 
 /// What is where in one program file.
@@ -106,6 +110,52 @@ impl Index {
         let from = self.controls.partition_point(|control| control.start.place.offset <= offset);
         let behind = self.controls[from..].iter().take_while(|control| control.start.place.offset < end);
         behind.into_iter().find(|control| wanted(control))
+    }
+
+    /// Links the statements of one name: those of a subprogram and those of a program are apart, names of subprograms are the file's.
+    fn link_names(&mut self) {
+        let mut ends: HashMap<(u32, u32, &str), (u32, u32)> = HashMap::new();
+        let mut next: Vec<u32> = (0..self.controls.len() as u32).collect();
+        let (mut section, mut sub) = (0, 0);
+        for (place, control) in (0..).zip(&self.controls) {
+            let at = control.start.place.offset;
+            while self.sections.get(section + 1).is_some_and(|next| next.start.place.offset <= at) {
+                (section, sub) = (section + 1, 0);
+            }
+            let scope = match control.what {
+                Statement::Sub => {
+                    sub = place + 1;
+                    (u32::MAX, 0)
+                }
+                Statement::EndSub => {
+                    sub = 0;
+                    (u32::MAX, 0)
+                }
+                Statement::Return | Statement::Call => (u32::MAX, 0),
+                _ => (section as u32, sub),
+            };
+            let (first, last) = ends.entry((scope.0, scope.1, &control.name)).or_insert((place, place));
+            next[*last as usize] = place;
+            next[place as usize] = *first;
+            *last = place;
+        }
+        for (control, next) in self.controls.iter_mut().zip(next) {
+            control.next_of_name = next;
+        }
+    }
+
+    /// Place among the statements of the one on the line at `offset`.
+    pub(super) fn place_of(&self, offset: u64) -> Option<u32> {
+        let place = self.controls.binary_search_by_key(&offset, |control| control.start.place.offset).ok()?;
+        Some(place as u32)
+    }
+
+    /// The others of its name in the same program or subprogram, with their places among the statements.
+    pub(super) fn namesakes(&self, place: u32) -> impl Iterator<Item = (u32, &Control)> {
+        let next = |at: u32| self.controls.get(at as usize).map(|control| control.next_of_name);
+        core::iter::successors(next(place), move |at| next(*at))
+            .take_while(move |at| *at != place)
+            .map(|at| (at, &self.controls[at as usize]))
     }
 
     /// The statement on the line at `offset`.
@@ -192,13 +242,16 @@ impl Indexer {
             self.index.labels.push((label, start));
         }
         if let Some((what, name)) = found.statement {
-            self.index.controls.push(Control { start, behind: self.at, what, name: name.into() });
+            self.index.controls.push(Control { start, behind: self.at, what, name: name.into(), next_of_name: 0 });
         }
     }
 
     /// The index of the whole program.
     pub(in crate::interpreter) fn finish(mut self) -> Index {
         self.index.labels.sort_by_key(|(label, mark)| (*label, mark.place.offset));
+        if self.flow == Flow::OWords {
+            self.index.link_names();
+        }
         self.index
     }
 

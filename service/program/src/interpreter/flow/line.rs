@@ -179,6 +179,18 @@ fn behind_brackets(line: &[u8], at: usize) -> Option<usize> {
     None
 }
 
+/// Whether a condition in brackets and `M99` stand at `at`: a Haas control jumps or returns where it holds.
+pub(crate) fn is_conditional_return(line: &[u8], at: usize) -> bool {
+    behind_brackets(line, at).is_some_and(|behind| return_code(line, behind).is_some())
+}
+
+/// Behind `M99`, where that stands at `at`.
+pub(super) fn return_code(line: &[u8], at: usize) -> Option<usize> {
+    let (start, end) = letters(line, at);
+    let (number, behind) = digits(line, end)?;
+    (line[start..end].eq_ignore_ascii_case(b"M") && number == 99).then_some(behind)
+}
+
 /// An O-word whose number or name is written out, or the number of a program.
 fn o_word(line: &[u8], at: usize, found: &mut Line) {
     let Some((name, end)) = name(line, at + 1) else { return };
@@ -200,8 +212,8 @@ pub(super) fn statement(letters: &[u8]) -> Option<Statement> {
     O_WORDS.iter().find(|(word, _)| word.eq_ignore_ascii_case(letters)).map(|(_, statement)| *statement)
 }
 
-/// The number or `<name>` of an O-word from `at` on, and where it ends: names in lower case and without blanks, in `<>`, numbers
-/// without leading zeros.
+/// The number or `<name>` of an O-word from `at` on, and where it ends: names in lower case and without blanks, in `<>` where they are
+/// no numbers, numbers without leading zeros.
 pub(crate) fn name(line: &[u8], at: usize) -> Option<(String, usize)> {
     let start = skip_blanks(line, at);
     if line.get(start) != Some(&b'<') {
@@ -209,7 +221,13 @@ pub(crate) fn name(line: &[u8], at: usize) -> Option<(String, usize)> {
     }
     let length = line[start..].iter().position(|&byte| byte == b'>')?;
     let text = core::str::from_utf8(&line[start..=start + length]).ok()?;
-    let name = text.chars().filter(|it| !matches!(it, ' ' | '\t')).map(|it| it.to_ascii_lowercase()).collect();
+    let mut name: String =
+        text.chars().filter(|it| !matches!(it, ' ' | '\t')).map(|it| it.to_ascii_lowercase()).collect();
+    // A number is the same with and without.
+    let inner = &name[1..name.len() - 1];
+    if digits(inner.as_bytes(), 0).is_some_and(|(number, _)| number.to_string() == inner) {
+        name = inner.to_owned();
+    }
     Some((name, start + length + 1))
 }
 

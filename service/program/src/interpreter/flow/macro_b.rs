@@ -1,7 +1,7 @@
 //! Statements of Macro B: `GOTO`, `IF`, `WHILE`, `DO`, `END`.
 
 use super::bounds::Round;
-use super::line::{digits, is_blank_or_comment, letters};
+use super::line::{digits, is_blank_or_comment, letters, return_code};
 use super::{Interpreter, Jump, Loop, LoopKind};
 use crate::code;
 use crate::dialect::Flow;
@@ -25,6 +25,7 @@ impl Interpreter {
             return self.statement_of_macro_b(span, findings);
         }
         let done = match line[start..end].to_ascii_uppercase().as_slice() {
+            b"" if line.get(start) == Some(&b'[') => self.jump_on_condition(line, start, span, findings),
             b"GOTO" => self.goto(line, end, span, findings),
             b"IF" => self.if_statement(line, end, span, operations, findings),
             b"WHILE" => self.while_statement(line, end, span, findings),
@@ -103,27 +104,60 @@ impl Interpreter {
             b"GOTO" if holds => self.goto(line, end, span, findings),
             b"GOTO" => Some(()),
             b"THEN" => self.then_statement(line, end, holds, span, operations, findings),
-            b"M" => {
-                let (number, behind) = digits(line, end)?;
-                let (p, p_end) = letters(line, behind);
-                let has_label = line[p..p_end].eq_ignore_ascii_case(b"P");
-                if number != 99 {
-                    return self.bad_statement(span, "behind the condition must be GOTO, THEN or M99", findings);
+            b"M" if return_code(line, at).is_some() => {
+                let label = self.label_of_return(line, at, span, findings)?;
+                if holds {
+                    self.end_call(span, label);
                 }
-                if !holds {
-                    return Some(());
-                }
-                let label = if has_label {
-                    let (value, _) = self.value(line, p_end, findings)?;
-                    Some(self.target_number(value, span, findings)?)
-                } else {
-                    None
-                };
-                self.end_call(span, label);
                 Some(())
             }
-            _ => self.bad_statement(span, "behind the condition must be GOTO with a number, or THEN", findings),
+            _ => self.bad_statement(span, "behind the condition must be GOTO with a number, THEN or M99", findings),
         }
+    }
+
+    /// `[…] M99 P10` of Haas controls, which is `IF […] GOTO 10`; without `P` a return.
+    fn jump_on_condition(&mut self, line: &[u8], at: usize, span: SourceSpan, findings: &mut FindingLog) -> Option<()> {
+        if !self.settings.is_haas() {
+            findings.push_with(code::STATEMENT, |code| {
+                Finding::new(code, span, "a condition without IF before M99 is of Haas controls, and the profile is not of one")
+                    .suggest("write IF […] GOTO with the number of the block, or set drilling.style of the language settings to DRILLING_STYLE_HAAS")
+            });
+            return None;
+        }
+        let (holds, at) = self.condition(line, at, findings)?;
+        let label = self.label_of_return(line, at, span, findings)?;
+        match label {
+            _ if !holds => {}
+            Some(label) => self.wait(span, Jump::Label(label)),
+            None => self.end_call(span, None),
+        }
+        Some(())
+    }
+
+    /// What `P` of the `M99` at `at` says, nothing where there is none; nothing may follow.
+    fn label_of_return(
+        &self,
+        line: &[u8],
+        at: usize,
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) -> Option<Option<u32>> {
+        let mut end = return_code(line, at)?;
+        let mut label = None;
+        let (p, behind) = letters(line, end);
+        if line[p..behind].eq_ignore_ascii_case(b"P") {
+            let value;
+            (value, end) = self.value(line, behind, findings)?;
+            label = Some(self.target_number(value, span, findings)?);
+        }
+        if !is_blank_or_comment(line, end) {
+            return self.bad_statement(
+                span,
+                "behind M99 on a condition may be P with a number, and nothing else",
+                findings,
+            );
+        }
+        Some(label)
     }
 
     /// Exactly one assignment behind `THEN`.
@@ -194,9 +228,9 @@ impl Interpreter {
             return None;
         };
         self.state.flow.loops.truncate(open + 1);
-        let Loop { kind, head, signature, .. } = self.state.flow.loops[open];
+        let &Loop { kind, head, signature, .. } = &self.state.flow.loops[open];
         debug_assert!(kind == LoopKind::While);
-        if self.is_endless(Round::Loop(open), signature, findings) {
+        if self.is_endless(Round::Loop(open), Some(signature), findings) {
             return None;
         }
         self.wait(span, Jump::To(head));

@@ -3,7 +3,8 @@
 use super::bounds::Round;
 use super::line::{self, Statement, is_blank_or_comment, letters};
 use super::{CallKind, CallRequest, CallTarget, Interpreter, Jump, Loop, LoopKind, Pending, Progress};
-use crate::{FindingLog, SourceSpan};
+use crate::code;
+use crate::{Finding, FindingLog, SourceSpan};
 
 /// Most arguments of a call.
 const MAX_ARGUMENTS: usize = 30;
@@ -18,7 +19,9 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) -> Option<bool> {
         let span = self.span_in(line, at, line.trim_ascii_end().len());
-        let (name, behind) = match line::name(line, at + 1) {
+        let written = line::name(line, at + 1);
+        let is_computed = written.is_none();
+        let (name, behind) = match written {
             Some(found) => found,
             None => {
                 let Some((value, end)) = self.value(line, at + 1, findings) else { return Some(false) };
@@ -34,7 +37,22 @@ impl Interpreter {
             let message = "behind an O-word must be sub, call, if, while or another of its words";
             return Some(self.bad_statement::<()>(span, message, findings).is_some());
         };
+        if is_computed && what != Statement::Call {
+            return Some(self.computed_label(what, &name, span, findings).is_some());
+        }
         Some(self.o_execute(what, name, line, end, span, findings).is_some())
+    }
+
+    /// Refuses a computed number of what begins, ends or divides lines: what belongs together could not be found without executing it.
+    #[cold]
+    fn computed_label(&self, what: Statement, name: &str, span: SourceSpan, findings: &mut FindingLog) -> Option<()> {
+        findings.push_with(code::STATEMENT, |code| {
+            let message = format!("only call may compute its number: that of {} is written out", what.word());
+            Finding::new(code, span, message)
+                .with_value("number", name.parse().unwrap_or(0.0), "")
+                .suggest(format!("write o{name} {}", what.word()))
+        });
+        None
     }
 
     fn o_execute(
@@ -52,8 +70,12 @@ impl Interpreter {
         match what {
             Statement::Call => return self.o_call(name, line, at, span, findings),
             Statement::Return | Statement::EndSub => {
-                if self.state.flow.calls.is_empty() {
-                    return self.bad_statement(span, "this ends a subprogram, but none was called", findings);
+                match self.state.flow.calls.last().map(|call| call.kind) {
+                    None => return self.bad_statement(span, "this ends a subprogram, but none was called", findings),
+                    Some(CallKind::Sub) => {}
+                    Some(_) => {
+                        return self.bad_statement(span, "a program that M98 has called returns with M99", findings);
+                    }
                 }
                 self.o_result(line, at, span, findings)?;
                 self.end_call(span, None);
@@ -69,6 +91,13 @@ impl Interpreter {
                 value = f64::from(u8::from(holds));
             }
             Statement::Repeat => {
+                if line.get(line::skip_blanks(line, at)) != Some(&b'[') {
+                    return self.bad_statement(
+                        span,
+                        "behind repeat must be the number of rounds in brackets",
+                        findings,
+                    );
+                }
                 let count;
                 (count, end) = self.value(line, at, findings)?;
                 value = libm::rint(count.unwrap_or(0.0)).clamp(0.0, 1e15);
@@ -130,28 +159,35 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) -> Progress {
         let holds = value > 0.0;
-        match what {
-            Statement::If | Statement::ElseIf if holds => return Progress::Done,
-            Statement::EndIf => return Progress::Done,
-            Statement::While => {
-                if let Some(progress) = self.next_round(holds, pending) {
-                    return progress;
-                }
-                if let Some(open) = self.state.flow.loops.last()
-                    && open.kind == LoopKind::DoWhile
-                    && open.last.place == pending.from.place
-                {
-                    return self.round_again(holds, findings);
-                }
+        if what == Statement::While {
+            if let Some(progress) = self.next_round(holds, pending) {
+                return progress;
             }
-            Statement::EndWhile | Statement::EndRepeat => return self.o_loop_end(pending, findings),
-            _ => {}
+            if let Some(open) = self.state.flow.loops.last()
+                && open.kind == LoopKind::DoWhile
+                && open.last.place == pending.from.place
+            {
+                return self.round_again(holds, findings);
+            }
         }
         let program = pending.from.place.program;
         if self.index(program).is_none() {
             return Progress::NeedsIndex(program);
         }
+        let checked = match what {
+            Statement::Sub => self.define_sub(pending, findings),
+            Statement::If | Statement::While | Statement::DoWhile | Statement::Repeat => {
+                self.begin_label(pending, findings)
+            }
+            _ => self.find_label(what, pending, findings),
+        };
+        if let Err(progress) = checked {
+            return progress;
+        }
         match what {
+            Statement::If | Statement::ElseIf if holds => Progress::Done,
+            Statement::EndIf => Progress::Done,
+            Statement::EndWhile | Statement::EndRepeat => self.o_loop_end(pending, findings),
             Statement::If => self.o_branch(&[Statement::ElseIf, Statement::Else, Statement::EndIf], pending, findings),
             Statement::ElseIf if value < 0.0 => self.o_branch(&[Statement::EndIf], pending, findings),
             Statement::ElseIf => {
@@ -247,12 +283,13 @@ impl Interpreter {
             self.go_to(behind);
             return Progress::Done;
         }
-        let Loop { kind, head, body, .. } = *open;
-        open.iteration += 1;
+        let &mut Loop { kind, head, body, .. } = open;
+        // That of a while is counted at its head.
+        open.iteration += u64::from(kind != LoopKind::While);
         open.signature = signature;
         open.rounds = open.rounds.saturating_sub(1);
         // A repeat ends by itself.
-        if kind != LoopKind::Repeat && self.is_endless(Round::Loop(innermost), before, findings) {
+        if kind != LoopKind::Repeat && self.is_endless(Round::Loop(innermost), Some(before), findings) {
             return Progress::Failed;
         }
         self.go_to(if kind == LoopKind::While { head } else { body });
@@ -267,14 +304,14 @@ impl Interpreter {
             return self.broken_loop(pending, "there is no open loop of this number", findings);
         };
         self.state.flow.loops.truncate(open + 1);
-        let Loop { kind, head, last, behind, signature, .. } = self.state.flow.loops[open];
+        let &Loop { kind, head, last, behind, signature, .. } = &self.state.flow.loops[open];
         match (what, kind) {
             (Statement::Break, _) => {
                 self.state.flow.loops.pop();
                 self.go_to(behind);
             }
             (_, LoopKind::While) => {
-                if self.is_endless(Round::Loop(open), signature, findings) {
+                if self.is_endless(Round::Loop(open), Some(signature), findings) {
                     return Progress::Failed;
                 }
                 self.go_to(head);

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::code;
 use crate::dialect::Flow;
-use crate::{Finding, FindingLog};
+use crate::{Finding, FindingLog, Place};
 
 /// Most loops of Macro B that may be open within each other.
 const MAX_MACRO_LOOPS: usize = 3;
@@ -25,7 +25,7 @@ impl Interpreter {
             Jump::Do(holds) => self.do_loop(*holds, pending, findings),
             Jump::OWord(what, value) => self.o_word(*what, *value, pending, findings),
             Jump::Call(request) => self.call(request, pending, findings),
-            Jump::Return(label) => self.return_to_caller(*label, findings),
+            Jump::Return(label) => self.return_to_caller(*label, pending, findings),
             Jump::Contour => self.find_contour(pending, findings),
         }
     }
@@ -153,7 +153,7 @@ impl Interpreter {
     pub(super) fn new_loop(&self, kind: LoopKind, pending: &Pending, last: Mark, behind: Mark, name: Box<str>) -> Loop {
         let (signature, since) = (self.signature(), self.state.flow.blocks);
         let (head, body) = (pending.from, pending.behind);
-        Loop { kind, name, head, body, last, behind, rounds: 0, iteration: 1, since, signature }
+        Loop { kind, name, head, body, last, behind, rounds: 0, iteration: 1, since, signature, seen: None }
     }
 
     /// Begins a loop, or goes on behind it.
@@ -199,6 +199,9 @@ impl Interpreter {
             Ok(mark) => mark,
             Err(progress) => return progress,
         };
+        if request.kind == CallKind::Sub {
+            self.call_label(target);
+        }
         if request.repeats == 0 {
             return Progress::Done;
         }
@@ -308,7 +311,7 @@ impl Interpreter {
     }
 
     /// Ends a called program: runs it again, or goes on in the caller.
-    fn return_to_caller(&mut self, label: Option<u32>, findings: &mut FindingLog) -> Progress {
+    fn return_to_caller(&mut self, label: Option<u32>, pending: &Pending, findings: &mut FindingLog) -> Progress {
         let Some(call) = self.state.flow.calls.last_mut() else { return Progress::Done };
         if call.repeats > 0 && label.is_none() {
             call.repeats -= 1;
@@ -325,6 +328,17 @@ impl Interpreter {
             if self.index(program).is_none() {
                 return Progress::NeedsIndex(program);
             }
+            if self.settings.is_haas() {
+                let own = pending.from.place;
+                let Some(index) = self.index(own.program) else { return Progress::NeedsIndex(own.program) };
+                if index.label(label, own.offset) != Found::Nowhere && !self.shares_section(own, from.place) {
+                    let there = self.index(program).map(|index| index.label(label, from.place.offset));
+                    if there == Some(Found::Nowhere) {
+                        return self.go_to_label(label, pending, findings);
+                    }
+                    return self.unclear_return(label, pending, findings);
+                }
+            }
             self.leave(has_locals);
             let there = Pending { span, from, behind: back, jump: Jump::Label(label) };
             return self.go_to_label(label, &there, findings);
@@ -332,6 +346,24 @@ impl Interpreter {
         self.leave(has_locals);
         self.go_to(back);
         Progress::Done
+    }
+
+    /// Whether two places are in one program, so that both have the same blocks (`M97`).
+    fn shares_section(&self, one: Place, other: Place) -> bool {
+        let start = |place: Place| self.index(place.program).map(|index| index.section_at(place.offset).start);
+        start(one) == start(other)
+    }
+
+    /// `M99 P` of a Haas control where the program that is read and its caller both have the block: its manual says that this goes
+    /// on in the program that is read, other controls go on in the caller.
+    #[cold]
+    fn unclear_return(&self, label: u32, pending: &Pending, findings: &mut FindingLog) -> Progress {
+        self.no_target(pending, findings, |finding| {
+            let message = format!(
+                "both this program and its caller have a block N{label}: a Haas control goes on in this program, others in the caller"
+            );
+            (message, finding.suggest(format!("write GOTO {label} to go on in this program, or give the block of the caller another number")))
+        })
     }
 
     /// Takes the caller's loops and variables up again.

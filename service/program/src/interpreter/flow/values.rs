@@ -14,7 +14,9 @@ impl Interpreter {
     /// The condition in brackets that starts at `at`, and where it ends; nothing after a finding.
     pub(super) fn condition(&self, line: &[u8], at: usize, findings: &mut FindingLog) -> Option<(bool, usize)> {
         let at = super::line::skip_blanks(line, at);
-        self.read_value(line, at, findings, expression::condition)
+        // A Haas control takes every value but 0 as true.
+        let takes_numbers = self.settings.is_haas();
+        self.read_value(line, at, findings, |line, at, context| expression::condition(line, at, takes_numbers, context))
     }
 
     fn read_value<T>(

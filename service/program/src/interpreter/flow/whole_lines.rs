@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::{Mark, classify};
+use super::{CallKind, Mark, classify};
 use crate::block::Rest;
 use crate::code;
-use crate::dialect::Group;
+use crate::dialect::{Flow, Group};
 use crate::interpreter::{Interpreter, LineOutcome};
 use crate::state::Phase;
 use crate::{Finding, FindingLog, Operation, OperationKind, SourceSpan};
@@ -94,6 +94,12 @@ impl Interpreter {
     fn program_begins(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) -> bool {
         let is_target = self.state.flow.calls.last().is_some_and(|call| call.target.place == self.state.place);
         if is_target || self.state.phase != Phase::Blocks {
+            return self.block.rest.is_some();
+        }
+        // LinuxCNC goes on into the program that begins.
+        if self.table.dialect.flow == Flow::OWords
+            && self.state.flow.calls.last().is_none_or(|call| call.kind != CallKind::Sub)
+        {
             return self.block.rest.is_some();
         }
         if self.state.flow.calls.is_empty() {

@@ -1,9 +1,10 @@
 //! Control flow: section 3 of the language page, and its worked examples 6 and 7.
 
 mod endless;
+mod labels;
 
 use super::*;
-use crate::{Reader, Reading, SourcePages};
+use crate::{DrillingSettings, DrillingStyle, Reader, Reading, SourcePages};
 
 /// End points (X, Y, Z) of all moves, with the findings.
 fn ends(program: &str, settings: &LanguageSettings) -> (Vec<[f64; 3]>, FindingLog) {
@@ -51,6 +52,31 @@ fn goto_leads_to_the_block_of_its_number_forward_and_back() {
     assert_eq!(mill_xs("GOTO 20\nN10 G0 X1\nGOTO30\nN20 G0 X2\nGOTO 10\nN30 X3"), [2.0, 1.0, 3.0]);
     assert_eq!(mill_xs("IF [1 EQ 2] GOTO 20\nG0 X1\nN20 G0 X2"), [1.0, 2.0]);
     assert_eq!(mill_xs("IF [1 LT 2] GOTO[10+10]\nG0 X1\nN20 G0 X2"), [2.0]);
+}
+
+#[test]
+fn a_condition_before_m99_is_a_jump_of_haas_controls() {
+    let haas = LanguageSettings {
+        drilling: DrillingSettings { style: DrillingStyle::Haas, ..DrillingSettings::default() },
+        ..LanguageSettings::mill()
+    };
+    let haas_xs = |program: &str| xs(&format!("{program}\nM30\n"), &haas);
+    assert_eq!(haas_xs("#1=1\nN10 [#1 EQ 1] M99 P50\nG0 X9\nN50 G0 X1"), [1.0]);
+    assert_eq!(haas_xs("#1=2\n[#1 EQ 1] M99 P50\nG0 X9\nN50 G0 X1"), [9.0, 1.0]);
+    assert_eq!(haas_xs("IF [1 EQ 1] M99 P50 (ON)\nG0 X9\nN50 G0 X1"), [1.0]);
+    // Every value but 0 is true there.
+    assert_eq!(haas_xs("#1=3\nWHILE [#1] DO1\nG0 X#1\n#1=#1-1\nEND1\nIF [#1] GOTO 9\nX7\nN9"), [3.0, 2.0, 1.0, 7.0]);
+    // In a called program it goes on there, without P back to the caller.
+    assert_eq!(haas_xs("M98 P1\nX5\nM30\nO1\n[1 EQ 1] M99 P20\nG0 X9\nN20 G0 X1\nM99"), [1.0, 5.0]);
+    assert_eq!(haas_xs("M98 P1\nX5\nM30\nO1\nG0 X1\n[1 EQ 1] M99\nX9\nM99"), [1.0, 5.0]);
+    assert_eq!(haas_xs("M98 P1\nX5\nM30\nO1\nM99 P20\nG0 X9\nN20 G0 X1\nM99"), [1.0, 5.0]);
+    assert_eq!(haas_xs("M98 P1\nX5\nN20 X6\nM30\nO1\nG0 X1\nM99 P20"), [1.0, 6.0], "only the caller has it");
+    let both = "M98 P1\nN20 G0 X5\nM30\nO1\nM99 P20\nN20 G0 X1\nM99\n";
+    assert_eq!(codes(both, &haas), ["PRG-JUMP-TARGET"]);
+    assert_eq!(mill_codes("#1=1\n[#1 EQ 1] M99 P50\nN50 G0 X1\nM30"), ["PRG-STATEMENT"]);
+    for (program, settings) in [("IF [1 EQ 1] M99 P50 G0 X5\nN50\nM30", &mill()), ("[1 EQ 1] M99 X5\nM30", &haas)] {
+        assert_eq!(codes(program, settings), ["PRG-STATEMENT"], "{program}");
+    }
 }
 
 #[test]
@@ -130,7 +156,7 @@ fn o_word_loops_and_branches() {
     assert_eq!(linuxcnc_xs("#1=0\no1 do\n#1=[#1+1]\nG0 X#1\no1 while [#1 LT 2]\nX5"), [1.0, 2.0, 5.0]);
     let leaving = "#1=0\no1 while [1]\n#1=[#1+1]\no2 if [#1 EQ 2]\no1 continue\no2 endif\no3 if [#1 GT 3]\no1 break\no3 endif\nG0 X#1\no1 endwhile\nX9";
     assert_eq!(linuxcnc_xs(leaving), [1.0, 3.0, 9.0]);
-    assert_eq!(linuxcnc_xs("G91\no1 repeat [2.5]\nG0 X1\no1 endrepeat\no1 repeat [0]\nX5\no1 endrepeat"), [1.0, 2.0]);
+    assert_eq!(linuxcnc_xs("G91\no1 repeat [2.5]\nG0 X1\no1 endrepeat\no2 repeat [0]\nX5\no2 endrepeat"), [1.0, 2.0]);
     assert_eq!(linuxcnc_xs("G91\no1 repeat [2.7]\nG0 X1\no1 endrepeat"), [1.0, 2.0, 3.0]);
 }
 

@@ -200,3 +200,22 @@ fn what_makes_a_profile_unusable() {
     assert_eq!(fields(vec![code(10, MachineEffect::None, MachineTiming::Before, "Pm")]), ["machine_codes[0].words"]);
     assert_eq!(fields((0..257).map(|number| plain(1_000 + number)).collect()), ["machine_codes"]);
 }
+
+#[test]
+fn the_words_of_an_unlisted_code_are_its_own() {
+    let (operations, findings) = interpret(b"M133 P1000\nG0 X1\nM35 P2 Q3\nM30\n", LanguageSettings::mill());
+    let findings = findings.into_findings();
+    let codes: Vec<_> = findings.iter().map(|finding| finding.code.name()).collect();
+    assert_eq!(codes, ["PRG-MACHINE-CODE", "PRG-MACHINE-CODE"], "{findings:?}");
+    assert!(findings[1].suggestions[0].message.ends_with("its words PQ"), "{findings:?}");
+    let words = operations.iter().find_map(|operation| match &operation.kind {
+        OperationKind::MachineCode(command) => {
+            Some(command.words.iter().map(|word| (word.letter, word.value)).collect())
+        }
+        _ => None,
+    });
+    assert_eq!(words, Some(vec![('P', 1000.0)]));
+    // Beside a code of the control a word may be that code's.
+    let (_, findings) = interpret(b"G4 P10 M133\nM30\n", LanguageSettings::mill());
+    assert_eq!(findings.into_findings().len(), 1);
+}

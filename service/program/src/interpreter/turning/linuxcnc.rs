@@ -11,7 +11,7 @@ use super::passes::{Contour, Path, Plan, Refusal};
 use super::request::Job;
 use super::stock::{self, Circle, Segment};
 use crate::code;
-use crate::compensation::geometry::{Point, cross, distance, minus};
+use crate::compensation::geometry::{Curve, Point, cross, distance, minus};
 use crate::state::Pockets;
 
 /// Ends of arcs that are nearer than this are reached, mm.
@@ -21,29 +21,38 @@ const REACHED_MM: f64 = 1e-3;
 const BOTTOM_MM: f64 = -1e9;
 
 pub(super) fn plan(job: &Job, contour: Contour<'_>) -> Result<Plan, Refusal> {
+    let mut curves: Vec<_> = contour.pieces.iter().map(|piece| piece.curve).collect();
+    curves[0].from = contour.start;
+    if curves.len() == 1 {
+        // Without a contour behind the dive the cycle goes to its start.
+        let frame = Frame::turning([-1.0, 1.0]);
+        let mut path = Path::new(frame, frame.to(contour.tool));
+        path.rapid(frame.to(contour.start));
+        return Ok(Plan { steps: path.steps, ..Plan::default() });
+    }
     match *job {
         Job::Steps { facing, pockets, depth_mm, escape_mm, stock_mm } => {
-            let frame = frame(contour, facing);
-            let mut segments = segments(contour, frame);
+            let frame = frame([curves[0].to, curves[curves.len() - 1].to], facing);
+            let mut segments = forward(&curves, frame, contour)?;
             stock::offset(&mut segments, stock_mm)?;
-            let steps = Steps { path: Path::new(frame, frame.to(contour.tool)), segments, depth_mm, escape_mm };
-            steps.rough(pockets, contour)
+            let mut path = Path::new(frame, frame.to(contour.tool));
+            path.rapid(frame.to(contour.start));
+            Steps { path, segments, depth_mm, escape_mm }.rough(pockets)
         }
         Job::Offsets { first_mm, last_mm, passes } => {
-            let facing = contour.pieces.iter().enumerate().any(|(block, piece)| {
-                let frame = Frame::turning([-1.0, 1.0]);
-                !Segment::of(&frame.curve(&piece.curve), block).goes_forward()
-            });
-            finish(contour, frame(contour, facing), [first_mm, last_mm], passes)
+            let ends = [curves[1].to, curves[curves.len() - 1].to];
+            let along_z = segments(&curves[1..], frame(ends, false));
+            let facing = along_z.iter().any(|segment| !segment.goes_forward());
+            let frame = frame([curves[0].to, ends[1]], facing);
+            finish(forward(&curves, frame, contour)?, frame, contour, [first_mm, last_mm], passes)
         }
         _ => Ok(Plan::default()),
     }
 }
 
-/// The frame in which the contour goes forward and up.
-fn frame(contour: Contour<'_>, facing: bool) -> Frame {
+/// The frame in which a contour goes forward and up, from the end of its first piece to that of its last.
+fn frame([first, last]: [Point; 2], facing: bool) -> Frame {
     let [along, across] = if facing { [1, 0] } else { [0, 1] };
-    let (first, last) = (contour.pieces[0].curve.to, contour.pieces[contour.pieces.len() - 1].curve.to);
     let sign = |axis: usize, default: f64| match last[axis] - first[axis] {
         0.0 => default,
         change => change.signum(),
@@ -53,19 +62,36 @@ fn frame(contour: Contour<'_>, facing: bool) -> Frame {
     Frame { swaps: facing, signs: [sign(along, -1.0), sign(across, outward)] }
 }
 
-fn segments(contour: Contour<'_>, frame: Frame) -> Vec<Segment> {
-    let curves = contour.pieces.iter().map(|piece| frame.curve(&piece.curve));
-    let mut segments: Vec<_> = curves.enumerate().map(|(block, curve)| Segment::of(&curve, block)).collect();
-    segments[0].from = frame.to(contour.start);
-    segments
+fn segments(curves: &[Curve], frame: Frame) -> Vec<Segment> {
+    curves.iter().enumerate().map(|(block, curve)| Segment::of(&frame.curve(curve), block)).collect()
+}
+
+/// The contour, which must go forward; a dive that goes back starts above its end.
+fn forward(curves: &[Curve], frame: Frame, contour: Contour<'_>) -> Result<Vec<Segment>, Refusal> {
+    let mut segments = segments(curves, frame);
+    let dive = &mut segments[0];
+    dive.from[0] = dive.from[0].min(dive.to[0]);
+    if let Some(wrong) = segments.iter().find(|segment| !segment.goes_forward()) {
+        let message = "the contour turns back along the passes here, or an arc goes beyond a quarter of its circle";
+        let cure = "let the contour keep one direction, and divide arcs at their quarters";
+        return Err(Refusal::new(code::TURNING_MONOTONY, message, cure).at(contour.pieces[wrong.block].span));
+    }
+    Ok(segments)
 }
 
 /// The finishing cycle: along the contour at a distance, nearer in each pass.
-fn finish(contour: Contour<'_>, frame: Frame, [first_mm, last_mm]: [f64; 2], passes: u32) -> Result<Plan, Refusal> {
+fn finish(
+    segments: Vec<Segment>,
+    frame: Frame,
+    contour: Contour<'_>,
+    [first_mm, last_mm]: [f64; 2],
+    passes: u32,
+) -> Result<Plan, Refusal> {
     let mut path = Path::new(frame, frame.to(contour.tool));
+    path.rapid(frame.to(contour.start));
     for pass in (0..passes).rev() {
         let distance = f64::from(pass) * (first_mm - last_mm) / f64::from(passes) + last_mm;
-        let mut segments = segments(contour, frame);
+        let mut segments = segments.clone();
         stock::offset(&mut segments, distance)?;
         path.rapid(segments[0].from);
         path.rapid(segments[0].to);
@@ -153,17 +179,7 @@ struct Steps {
 }
 
 impl Steps {
-    fn rough(mut self, pockets: Pockets, contour: Contour<'_>) -> Result<Plan, Refusal> {
-        let dive = self.segments[0];
-        if dive.to[0] < dive.from[0] {
-            self.segments[0].from[0] = dive.to[0];
-        }
-        if let Some(wrong) = self.segments.iter().find(|segment| !segment.goes_forward()) {
-            let message = "the contour turns back along the passes here, or an arc goes beyond a quarter of its circle";
-            let cure = "let the contour keep one direction, and divide arcs at their quarters";
-            let refusal = Refusal::new(code::TURNING_MONOTONY, message, cure);
-            return Err(refusal.at(contour.pieces[wrong.block].span));
-        }
+    fn rough(mut self, pockets: Pockets) -> Result<Plan, Refusal> {
         let start = self.segments[0].from;
         self.path.rapid(start);
         if let Some(last) = self.segments.last().copied()

@@ -9,7 +9,8 @@ fn change() -> impl Strategy<Value = String> {
     let number = || (-100..100_i32).prop_map(f64::from);
     prop_oneof![
         (1..=9_u32, number(), number()).prop_map(|(system, x, y)| format!("G10 L2 P{system} X{x} Y{y}")),
-        (0..=9_u32, number()).prop_map(|(system, angle)| format!("G10 L2 P{system} R{angle}")),
+        // Under a shift the turn of the system in force is refused.
+        (0..=9_u32, number()).prop_map(|(system, angle)| format!("G92.1\nG10 L2 P{system} R{angle}")),
         (1..=9_u32, number()).prop_map(|(system, x)| format!("G10 L20 P{system} X{x}")),
         (54..=59_u32).prop_map(|system| format!("G{system}")),
         (1..=3_u32).prop_map(|system| format!("G59.{system}")),

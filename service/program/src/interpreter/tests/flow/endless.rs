@@ -51,17 +51,17 @@ fn the_loop_in_which_a_bound_is_reached_is_named_with_its_first_block() {
         ),
         (
             &mill,
-            "DO1\n#2=0\nWHILE [#2 LT 5] DO2\n#2=#2+1\nEND2\nEND1\nM30",
+            "DO1\n#2=0\nWHILE [#2 LT 5] DO2\n#2=#2+1\nEND2\n#3=#3+1\nEND1\nM30",
             1,
             1,
-            "the loop DO1 … END1 from line 1 to line 6",
+            "the loop DO1 … END1 from line 1 to line 7",
         ),
         (
             &mill,
-            "#1=1\nDO1\nN10 #2=0\nN20 #2=#2+1\nIF [#2 LT 5] GOTO 20\nEND1\nM30",
+            "#1=1\nDO1\nN10 #2=0\nN20 #2=#2+1\nIF [#2 LT 5] GOTO 20\n#3=#3+1\nEND1\nM30",
             2,
             2,
-            "the loop DO1 … END1 from line 2 to line 6",
+            "the loop DO1 … END1 from line 2 to line 7",
         ),
         (&mill, "M98 P100 L99999\nM30\nO100\n#1=#1+1\nM99", 1, 3, "the program from line 3 on that line 1 calls"),
         (&mill, "N10 #1=#1+1\nM98 P100\nM30\nO100\nM99 P10", 2, 1, "the jump on line 2 makes, back to line 1"),
@@ -167,4 +167,46 @@ fn a_loop_of_codes_that_change_nothing_is_endless_at_once() {
     let finding = &findings.into_findings()[0];
     assert_eq!((finding.code.name(), finding.span.line), ("PRG-ENDLESS", 1));
     assert!(finding.message.contains("without any motion"), "{}", finding.message);
+}
+
+#[test]
+fn a_loop_that_moves_and_comes_to_a_state_again_is_endless_at_once() {
+    let mill = LanguageSettings { max_executed_blocks: 2_000, ..LanguageSettings::mill() };
+    let linuxcnc = LanguageSettings { max_executed_blocks: 2_000, ..LanguageSettings::linuxcnc() };
+    for (settings, program, line, most) in [
+        (&mill, "N10 G0 X1\nX2\nM99 P10", 3, 6),
+        (&mill, "WHILE [1 EQ 1] DO1\nG0 X1\nX2\nEND1\nM30", 1, 6),
+        (&mill, "G0 X9\nN1 X1\nM98 P100\nGOTO 1\nM30\nO100\nG91 X1\nG90\nM99", 4, 7),
+        (&linuxcnc, "o1 while [1]\nG0 X1\nX2\no1 endwhile\nM2", 1, 6),
+        (&linuxcnc, "o1 do\nG0 X1\nX2\no1 while [1]\nM2", 1, 6),
+        (&linuxcnc, "o1 while [1]\nG0 X1\nX2\no1 continue\no1 endwhile\nM2", 1, 6),
+        // An inner loop counts in every round of it.
+        (&mill, "DO1\n#1=0\nWHILE [#1 LT 3] DO2\nG0 X#1\n#1=#1+1\nEND2\nEND1\nM30", 1, 30),
+        // The state alternates: X1 and X2, then rounds of three.
+        (&mill, "#1=1\nDO1\nG0 X#1\n#1=3-#1\nEND1\nM30", 2, 20),
+        (&mill, "#1=0\nDO1\nG0 X#1\n#1=#1+1\nIF [#1 LT 3] GOTO 5\n#1=0\nN5\nEND1\nM30", 2, 40),
+        // Two jumps in turn.
+        (&mill, "N1 #1=1-#1\nG0 X#1\nIF [#1 EQ 1] GOTO 1\nGOTO 1\nM30", 4, 40),
+    ] {
+        let (points, findings) = ends(&format!("{program}\n"), settings);
+        let findings = findings.into_findings();
+        let found: Vec<_> = findings.iter().map(|it| (it.code.name(), it.span.line)).collect();
+        assert_eq!(found, [("PRG-ENDLESS", line)], "{program}\n{findings:#?}");
+        assert!(findings[0].message.ends_with("It never ends"), "{program}: {}", findings[0].message);
+        assert!(points.len() <= most, "{program}: {} moves", points.len());
+    }
+}
+
+#[test]
+fn a_loop_that_ends_is_none_however_often_it_comes_to_a_place() {
+    // The position is the same in every round, a variable, an offset or a tool is not.
+    assert_eq!(mill_xs("#1=0\nWHILE [#1 LT 90] DO1\nG0 X1\nX0\n#1=#1+1\nEND1").len(), 180);
+    assert_eq!(mill_xs("WHILE [#5221 LT 20] DO1\nG0 X50\nG53 X0\nG91 G10 L2 P1 X1\nG90\nEND1").len(), 40);
+    assert_eq!(mill_xs("G91\nWHILE [#5041 LT 40] DO1\nG0 X1\nEND1").len(), 40, "no variable changes");
+    let nested =
+        "G91\no1 while [#1 LT 5]\n#1=[#1+1]\n#2=0\no2 while [#2 LT 20]\nG0 X1\n#2=[#2+1]\no2 endwhile\no1 endwhile";
+    assert_eq!(linuxcnc_xs(nested).len(), 100);
+    // A macro that is in force for some rounds only: the state but for it is the same.
+    let modal = "#1=0\nN1 G0 X1\nX0\n#1=#1+1\nIF [#1 LT 30] GOTO 1";
+    assert_eq!(mill_xs(modal).len(), 60);
 }

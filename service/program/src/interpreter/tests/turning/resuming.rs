@@ -53,6 +53,6 @@ fn within_a_pattern_and_single_cycles() {
 
 #[test]
 fn within_the_cycles_of_linuxcnc() {
-    let program = "o100 sub\nG0 X10\nG1 Z-10\nX15 Z-15\nX12 Z-18\nX16 Z-25\no100 endsub\nG18 F100 M3 S100\nG0 X25 Z2\nG71 Q100 I0.2 R1 D0.5\nG70 Q100\nG0 X30";
+    let program = "o100 sub\nG0 X10\nG1 Z-10\nX15 Z-15\nX12 Z-18\nX16 Z-25\no100 endsub\nG18 F100 M3 S100\nG0 X25 Z2\nG71 Q100 I0.2 R1 D0.5\nG0 X25 Z2\nG70 Q100\nG0 X30";
     resumes(&linuxcnc(), program);
 }

@@ -16,6 +16,26 @@ fn modes_of_system_a() {
 }
 
 #[test]
+fn a_program_of_another_system_is_one_finding() {
+    let program = "G21 G95 G97 S500 M3\nG90 G0 X50. Z2.\nG77 X45. Z-20. F0.2\nG91 G77 X-14.\nG90 G78 X40. Z-20. F1.5\nG98 G83 X0 Z-5. R1.";
+    assert_eq!(codes(&a(), program), ["PRG-UNKNOWN-CODE"]);
+    let (_, findings) = interpret(format!("G0 X50. Z2.\n{}\nM30\n", "G90 G78 X40. Z-20. F1.5").as_bytes(), a());
+    let findings = findings.into_findings();
+    let cure = &findings[0].suggestions[0].message;
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert!(cure.ends_with("to G_CODE_SYSTEM_B"), "{cure}");
+}
+
+#[test]
+fn codes_of_haas_lathes_are_known_as_what_they_are() {
+    for code in
+        ["G14", "G15", "G100", "G101 X0", "G105 J1. K2.", "G184 Z-10. R2. F1.", "G195 S500", "G241 X10. R2. F0.1"]
+    {
+        assert_eq!(codes(&a(), code), ["PRG-UNSUPPORTED-CODE"], "{code}");
+    }
+}
+
+#[test]
 fn modes_of_system_b() {
     let mut b = system(GCodeSystem::B);
     b.drilling.peck_clearance_mm = Some(1.0);
