@@ -143,6 +143,7 @@ def interpret(path):
 def main(paths):
     """Interprets each program in a process of its own, as the interpreter keeps some state, and writes one JSON line for each."""
     import json
+    import resource
 
     for path in paths:
         out = sys.stdout.fileno()
@@ -150,6 +151,9 @@ def main(paths):
         child = os.fork()
         if child == 0:
             os.close(reader)
+            # A program that never ends would go on without anybody, and fill the memory with its actions.
+            resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+            resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
             # The interpreter writes messages to both streams.
             quiet = os.open(os.devnull, os.O_WRONLY)
             os.dup2(quiet, out)
