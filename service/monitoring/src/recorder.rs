@@ -306,6 +306,13 @@ impl Current {
     fn append(&mut self, sample: &Sample, sample_rate_hz: f64) {
         let periods = ((sample.time_ns - self.last_ns) as f64 * 1e-9 * sample_rate_hz).round() as usize;
         let before_deg = *self.cut.spindle_angle_deg.last().unwrap_or(&sample.angle_deg);
+        // An encoder that counts within one turn begins again: of all turns it is the one that goes on as before.
+        let step_deg = match self.cut.spindle_angle_deg[..] {
+            [.., earlier_deg, _] => before_deg - earlier_deg,
+            _ => 0.0,
+        };
+        let expected_deg = before_deg + step_deg * periods as f64;
+        let angle_deg = sample.angle_deg + 360.0 * ((expected_deg - sample.angle_deg) / 360.0).round();
         for step in 1..=periods {
             let share = step as f64 / periods as f64;
             let value = sample.deflection_mm.filter(|_| step == periods);
@@ -315,8 +322,7 @@ impl Current {
             for (column, value) in self.cut.deflection_mm.iter_mut().zip(value.unwrap_or_default()) {
                 column.push(value);
             }
-            let angle_deg =
-                if step == periods { sample.angle_deg } else { before_deg + share * (sample.angle_deg - before_deg) };
+            let angle_deg = if step == periods { angle_deg } else { before_deg + share * (angle_deg - before_deg) };
             self.cut.spindle_angle_deg.push(angle_deg);
         }
         // Lost samples had the velocity of this one.

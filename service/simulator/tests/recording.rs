@@ -4,7 +4,7 @@ mod common;
 
 use common::{everywhere, machine};
 use feedwave_monitoring::{
-    CutConditions, CutRecord, LearningModel, MAX_RECORDED_CUTS, MonitoringConfig, Pair, Quantity, RecordedCut,
+    Batch, CutConditions, CutRecord, LearningModel, MAX_RECORDED_CUTS, MonitoringConfig, Pair, Quantity, RecordedCut,
     Recorder, RecordingError, RecordingLimits, learn,
 };
 use feedwave_simulator::{Description, Fault, FaultKind, Mounting, Process, SensorPair, Tool, Where};
@@ -105,6 +105,36 @@ fn lost_and_wrong_samples_leave_marked_places() {
     let learnt = learn(&model(&description), &records).expect("learnt");
     // Outliers below half a millimetre pass the range of the sensors in none of these cases: noise is what is left.
     assert!((learnt.residual_mm / 1e-4 - 1.0).abs() < 0.05, "{learnt:?}");
+}
+
+#[test]
+fn an_encoder_that_counts_within_one_turn_gives_the_same_record() {
+    let mut description = description(4);
+    description.drop_rate = 0.01;
+    let mut records =
+        [recorder(&description, RecordingLimits::default()), recorder(&description, RecordingLimits::default())];
+    let mut cuts = [const { Vec::new() }; 2];
+    let mut machine = machine(description);
+    let mut push = |batch: &Batch<'_>| {
+        let wrapped: Vec<_> = batch.spindle_angle_deg.unwrap().iter().map(|angle| angle.rem_euclid(360.0)).collect();
+        cuts[0].extend(records[0].push(batch, true));
+        cuts[1].extend(records[1].push(&Batch { spindle_angle_deg: Some(&wrapped), ..*batch }, true));
+    };
+    machine.push(&path().all(), &mut push).unwrap();
+    machine.flush(&mut push);
+    for (cuts, recorder) in cuts.iter_mut().zip(&mut records) {
+        cuts.extend(recorder.finish());
+    }
+    let [whole, wrapped] = cuts;
+    assert!(whole.len() >= 2, "{}", whole.len());
+    assert_eq!(wrapped.len(), whole.len());
+    for (wrapped, whole) in wrapped.iter().zip(&whole) {
+        assert_eq!(wrapped.deflection_mm, whole.deflection_mm);
+        assert_eq!(wrapped.missing, whole.missing);
+        let turns = whole.spindle_angle_deg[0] - wrapped.spindle_angle_deg[0];
+        let differs = |(wrapped, whole): (&f64, &f64)| (wrapped + turns - whole).abs() > 1e-6;
+        assert!(!wrapped.spindle_angle_deg.iter().zip(&whole.spindle_angle_deg).any(differs));
+    }
 }
 
 #[test]

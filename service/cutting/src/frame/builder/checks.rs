@@ -74,7 +74,8 @@ impl Builder {
                 Finding::new(code::SPINDLE_SPEED, span, message)
                     .with_value("spindle_speed", rev_per_min, "rev/min")
                     .with_value("limit", limit, "rev/min")
-                    .suggest_value("lower the speed", Some(format!("S{limit}")), "spindle_speed", limit, "rev/min"),
+                    // The block that turns with it is found, which is not where the speed stands: no text of it is replaced.
+                    .suggest_value(format!("program S{limit}"), None, "spindle_speed", limit, "rev/min"),
             );
         }
     }

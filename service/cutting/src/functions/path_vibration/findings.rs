@@ -264,7 +264,8 @@ impl Evidence {
         );
         // A smaller amplitude may follow further below the largest permitted one.
         let followed = self.settings.amplitude_follows_feed_up_to.unwrap_or(1.0).max(1.0);
-        let amplitude_mm = round_down((2.0 * radius_mm * tolerance_mm).sqrt() / followed, 4);
+        // The rounding of a radius must not bring it back over the tolerance.
+        let amplitude_mm = round_down((1.0 - 1e-9) * (2.0 * radius_mm * tolerance_mm).sqrt() / followed, 4);
         let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
         findings.push(
             Finding::new(code::VIB_CONTOUR, self.amplitude_span(), message)
