@@ -68,8 +68,8 @@ pub struct Args {
     /// no frequency otherwise; of a speed that other cuts have as well it is changed for all of them [default: speeds stay]
     #[arg(long, value_name = "LOW:HIGH", value_parser = frequencies)]
     spindle_speed: Option<[f64; 2]>,
-    /// Largest chip thickness in mm: feeds of vibrating sections are raised up to it, at the largest feed override, as far as chips
-    /// break within the limits of the axes [default: feeds stay]
+    /// Largest feed per revolution in mm: feeds of vibrating sections are raised up to it, at the largest feed override, as far as chips
+    /// break within the limits of the axes; a vibration makes the chip thicker than that in places [default: feeds stay]
     #[arg(long, value_name = "MM", value_parser = in_range(1e-4, 10.0))]
     max_feed: Option<f64>,
     /// Largest tolerance of the path in mm, to which tolerances (`G64 P`) are raised where that saves time [default: they stay]

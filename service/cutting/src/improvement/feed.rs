@@ -90,8 +90,8 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         };
         let most = self.limit_mm / (override_ratio * feed_mm);
         if !(feed_mm > 0.0 && most >= 1.0 + LEAST_RISE) {
-            let thickness = decimal(feed_mm * override_ratio, 4);
-            return Ok(stays(format!("{thickness} mm at the largest override is all that is permitted")));
+            let largest = decimal(feed_mm * override_ratio, 4);
+            return Ok(stays(format!("{largest} mm/rev at the largest override is all that is permitted")));
         }
         if !self.work.may_try() {
             return Ok(stays(Work::<S>::no_more()));
@@ -229,7 +229,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
             figure("machining time", was_s, is_s, "s"),
         ];
         let reason = format!(
-            "chips up to {} mm thick are permitted, and {} breaks them",
+            "{} mm/rev are permitted at the largest override, and {} breaks that chip",
             decimal(self.limit_mm, 4),
             vibration_text(found)
         );

@@ -41,8 +41,8 @@ pub struct ImprovementGoals {
     /// Lowest and highest spindle speed, rev/min, within which the speed of a section may change that nothing else would cure; `None`:
     /// speeds stay.
     pub spindle_rev_per_min: Option<[f64; 2]>,
-    /// Largest chip thickness (feed of a revolution at the largest override), mm, up to which feeds of vibrating sections are raised;
-    /// `None`: feeds stay.
+    /// Largest feed per revolution at the largest override, mm, up to which feeds of vibrating sections are raised; a vibration makes
+    /// the chip thicker than that in places. `None`: feeds stay.
     pub max_feed_per_rev_mm: Option<f64>,
     /// Largest tolerance of the path, mm, up to which tolerances (`G64 P`) are raised where that saves time; `None`: they stay.
     pub max_tolerance_mm: Option<f64>,
