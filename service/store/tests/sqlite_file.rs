@@ -1,16 +1,20 @@
 //! The file itself: opening it, what is refused, and what survives.
 
+mod common;
+
 use std::path::Path;
 
 use feedwave_store::{
-    AuditFilter, AuditRequest, CHUNK_BYTES, EventFilter, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest,
-    ProgramId, RawValue, Removed, RetentionPolicy, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
+    AuditFilter, AuditRequest, CHUNK_BYTES, EventFilter, JobFilter, JobState, Kind, PageRequest, ProgramId, RawValue,
+    Removed, RetentionPolicy, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
 };
 use proptest::prelude::*;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions, Connection};
 use tempfile::TempDir;
 use uuid::Uuid;
+
+use common::new_job;
 
 async fn open(path: &Path) -> Result<Store, StoreError> {
     // However slowly a store that was dropped lets go of the file.
@@ -26,23 +30,6 @@ fn folder() -> (TempDir, std::path::PathBuf) {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("feedwave.db");
     (folder, path)
-}
-
-fn new_job(request: &str, program_id: ProgramId) -> NewJob {
-    let empty = || RawValue::from_string("{}".into()).unwrap();
-    NewJob {
-        tenant: Tenant::DEFAULT,
-        owner: String::new(),
-        request_id: request.into(),
-        fingerprint: Fingerprint::of([]),
-        display_name: String::new(),
-        program_id,
-        further_program_ids: Vec::new(),
-        machine_id: String::new(),
-        client: String::new(),
-        machine_snapshot: empty(),
-        settings: empty(),
-    }
 }
 
 #[tokio::test]

@@ -5,6 +5,8 @@
 mod database;
 
 mod audit;
+#[path = "../common/mod.rs"]
+mod common;
 mod connections;
 mod proxy;
 
@@ -12,9 +14,9 @@ use std::collections::HashSet;
 use std::time::Duration;
 
 use feedwave_store::{
-    Attempt, AuditFilter, AuditRequest, CopyError, DecisionFilter, EventFilter, FindingCounts, Fingerprint, JobState,
-    NewDecision, NewJob, NewReport, NewRun, PageRequest, Presence, ProgramId, RawValue, RunCommit, RunKind, Store,
-    StoreError, StoreSettings, StoreUri, Tenant,
+    Attempt, AuditFilter, AuditRequest, CopyError, DecisionFilter, EventFilter, FindingCounts, JobState, NewDecision,
+    NewJob, NewReport, NewRun, PageRequest, Presence, ProgramId, RawValue, RunCommit, RunKind, Store, StoreError,
+    StoreSettings, StoreUri, Tenant,
 };
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions as _, PgConnection};
@@ -23,6 +25,7 @@ use tokio::time::timeout;
 use url::Url;
 use uuid::Uuid;
 
+use common::new_job;
 use database::Database;
 use proxy::Proxy;
 
@@ -67,23 +70,6 @@ impl Place {
 
     async fn execute(&self, sql: &'static str) -> u64 {
         sqlx::query(sql).execute(&mut self.raw().await).await.unwrap().rows_affected()
-    }
-}
-
-fn new_job(request: &str, program_id: ProgramId) -> NewJob {
-    let empty = || RawValue::from_string("{}".into()).unwrap();
-    NewJob {
-        tenant: Tenant::DEFAULT,
-        owner: String::new(),
-        request_id: request.into(),
-        fingerprint: Fingerprint::of([]),
-        display_name: String::new(),
-        program_id,
-        further_program_ids: Vec::new(),
-        machine_id: String::new(),
-        client: String::new(),
-        machine_snapshot: empty(),
-        settings: empty(),
     }
 }
 

@@ -4,6 +4,8 @@
 
 mod audit;
 mod checkpoints;
+#[path = "../common/mod.rs"]
+mod common;
 #[path = "../../../../tests/src/database.rs"]
 mod database;
 mod documents;
@@ -16,10 +18,11 @@ mod tenants;
 mod uploads;
 mod validations;
 
-use feedwave_store::{Fingerprint, Json, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri, Tenant};
+use feedwave_store::{ProgramId, Store, StoreSettings, StoreUri, Tenant};
 use tempfile::TempDir;
 use uuid::Uuid;
 
+pub(crate) use common::{json, new_job};
 use database::Database;
 
 /// A place that keeps what is stored between two openings; empty at first.
@@ -52,26 +55,6 @@ impl Place {
 
 pub(crate) async fn open(place: &Place) -> Store {
     place.open(StoreSettings::default()).await
-}
-
-pub(crate) fn json(text: &str) -> Json {
-    RawValue::from_string(text.to_owned()).expect("test documents are JSON")
-}
-
-pub(crate) fn new_job(request: &str, program_id: ProgramId) -> NewJob {
-    NewJob {
-        tenant: Tenant::DEFAULT,
-        owner: String::new(),
-        request_id: request.into(),
-        fingerprint: Fingerprint::of([request.as_bytes()]),
-        display_name: format!("job of {request}"),
-        program_id,
-        further_program_ids: Vec::new(),
-        machine_id: "lathe-1".into(),
-        client: String::new(),
-        machine_snapshot: json(r#"{"axes":["X","Z"]}"#),
-        settings: json(r#"{"interpolation_period_us":1000}"#),
-    }
 }
 
 /// A store with one small program.
