@@ -376,13 +376,68 @@ fn findings_text(answer: &PlanThreadResponse, style: Style) -> Result<String, Cl
     findings::text(&answer.findings, &mut Source::of_text(NAME, "")?, style)
 }
 
-/// Violations by the options that they are about: options are named as the fields, without the unit.
-fn wrong_options(violations: &[Violation]) -> CliError {
-    let line = |violation: &Violation| {
-        let field = &violation.field;
-        let units = ["_rev_per_min", "_mm", "_deg"];
-        let name = units.iter().find_map(|unit| field.strip_suffix(unit)).unwrap_or(field);
-        format!("--{}: {}", name.replace('_', "-"), violation.description)
+/// The option that says a field: named as it, without the unit, but for a few.
+fn option_of(field: &str) -> String {
+    let units = ["_rev_per_min", "_mm", "_deg"];
+    let name = match field {
+        "amplitude_ratio" => "ratio",
+        "spindle_rev_per_min" => "spindle",
+        "interpolation_period_us" => "period_us",
+        "advance" => "pitch",
+        field => units.iter().find_map(|unit| field.strip_suffix(unit)).unwrap_or(field),
     };
+    name.replace('_', "-")
+}
+
+/// Violations by the options that they are about.
+fn wrong_options(violations: &[Violation]) -> CliError {
+    let line = |violation: &Violation| format!("--{}: {}", option_of(&violation.field), violation.description);
     CliError::trouble(violations.iter().map(line).collect::<Vec<_>>().join("\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Args as _;
+
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_is_said_of_options_that_there_are() {
+        let wrong = proto::PlanThreadRequest {
+            starts: 99,
+            taper: 9.0,
+            root_flat_mm: -1.0,
+            included_angle_deg: Some(0.0),
+            finishing_allowance_mm: Some(-1.0),
+            max_thickness_mm: Some(-1.0),
+            finishing_thickness_mm: Some(-1.0),
+            approach_mm: Some(-1.0),
+            relief_angle_deg: Some(99.0),
+            vibrations_per_rev: Some(0.0),
+            amplitude_margin: Some(0.0),
+            amplitude_ratio: Some(0.0),
+            clearance_mm: Some(-1.0),
+            interpolation_period_us: 1,
+            hand: 99,
+            side: 99,
+            rotation: 99,
+            law: 99,
+            method: 99,
+            start_up: 99,
+            infeed: 99,
+            ..proto::PlanThreadRequest::default()
+        };
+        let mut violations = Violations::default();
+        assert!(thread_request_from_proto(&mut violations, &wrong, "machine_kind", None).is_none());
+        let command = Args::augment_args(clap::Command::new("thread-plan"));
+        let options: Vec<_> = command.get_arguments().filter_map(clap::Arg::get_long).collect();
+        let fields =
+            |description: &str| description.split(' ').any(|word| word.contains('_')).then(|| description.to_owned());
+        assert!(violations.as_slice().len() > 20);
+        for violation in violations.as_slice() {
+            let option = option_of(&violation.field);
+            assert!(options.contains(&option.as_str()), "--{option} of {}", violation.field);
+            assert_eq!(fields(&violation.description), None, "it names a field");
+        }
+    }
 }

@@ -133,7 +133,7 @@ fn geometry(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, hand: O
             Some(MM_PER_INCH / checked.within("threads_per_inch", threads, 0.1..=1e3))
         }
         None => {
-            checked.0.add("advance", "pitch_mm, lead_mm or threads_per_inch must be set");
+            checked.0.add("advance", "a pitch, a lead or threads per inch must be stated");
             None
         }
     };
@@ -194,7 +194,7 @@ fn place(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, lead_axis:
     }
     let [work, start, end] = stated;
     if start.1 == end.1 {
-        checked.0.add(end.0, format!("must differ from {}", start.0));
+        checked.0.add(end.0, "must differ from where the lead starts");
     }
     let [work_range, range] = ranges;
     let work_mm = work_scale * checked.within(work.0, work.1, work_range);
