@@ -55,6 +55,13 @@ const SIGNATURES: &[(&[u8], Foreign)] = &[
     (b"7z\xbc\xaf\x27\x1c", foreign("a 7-Zip archive", UNPACK)),
     (b"Rar!\x1a", foreign("a RAR archive", UNPACK)),
     (b"\x28\xb5\x2f\xfd", foreign("a Zstandard archive", UNPACK)),
+    (b"\x1f\x9d", foreign("a compress archive (.Z)", UNPACK)),
+    (b"LZIP", foreign("an lzip archive", UNPACK)),
+    (b"\x04\x22\x4d\x18", foreign("an LZ4 archive", UNPACK)),
+    (b"MSCF", foreign("a cabinet archive (CAB)", UNPACK)),
+    (b"!<arch>", foreign("an archive (ar or Debian package)", UNPACK)),
+    (b"070701", foreign("a cpio archive", UNPACK)),
+    (b"070707", foreign("a cpio archive", UNPACK)),
     (b"\x89PNG", foreign("an image (PNG)", UPLOAD)),
     (b"\xff\xd8\xff", foreign("an image (JPEG)", UPLOAD)),
     (b"GIF87a", foreign("an image (GIF)", UPLOAD)),
@@ -65,6 +72,14 @@ const SIGNATURES: &[(&[u8], Foreign)] = &[
     (b"ISO-10303-21", foreign("a STEP model", POST)),
     (b"#!", foreign("a script", UPLOAD)),
 ];
+
+/// A tar archive begins with the name of its first file.
+const TAR: Foreign = foreign("a tar archive", UNPACK);
+/// Where the mark of its format is in the head of a file, and the mark.
+const TAR_MARK: (usize, &[u8]) = (257, b"ustar");
+/// Length of that head, and where the sum of its bytes is, as octal digits.
+const TAR_HEAD_BYTES: usize = 512;
+const TAR_SUM: core::ops::Range<usize> = 148..156;
 
 /// Share of bytes, one in so many, that are no text in a line of binary data.
 const BINARY_SHARE: usize = 4;
@@ -81,6 +96,9 @@ pub(crate) fn recognise(line: &[u8], is_first: bool) -> Option<Foreign> {
 fn first_line(line: &[u8]) -> Option<Foreign> {
     if let Some((_, foreign)) = SIGNATURES.iter().find(|(bytes, _)| line.starts_with(bytes)) {
         return Some(*foreign);
+    }
+    if is_tar(line) {
+        return Some(TAR);
     }
     if let Some(foreign) = wide_text(line) {
         return Some(foreign);
@@ -100,6 +118,20 @@ fn first_line(line: &[u8]) -> Option<Foreign> {
         return Some(foreign("an STL model", POST));
     }
     binary(line)
+}
+
+/// By its mark, or before there was one, by the sum of its head.
+fn is_tar(line: &[u8]) -> bool {
+    let (at, mark) = TAR_MARK;
+    if line.get(at..).is_some_and(|rest| rest.starts_with(mark)) {
+        return true;
+    }
+    let Some(head) = line.get(..TAR_HEAD_BYTES) else { return false };
+    let digits = head[TAR_SUM].iter().copied().filter(u8::is_ascii_digit);
+    let stated = digits.fold(0, |sum, digit| 8 * sum + u32::from(digit - b'0'));
+    let sum = |bytes: &[u8]| bytes.iter().copied().map(u32::from).sum::<u32>();
+    let blanks = TAR_SUM.len() as u32 * u32::from(b' ');
+    stated > 0 && head.contains(&0) && stated == sum(head) - sum(&head[TAR_SUM]) + blanks
 }
 
 /// Characters of two or four bytes: zeros in all places but those of one remainder.
@@ -386,6 +418,21 @@ mod tests {
         is("[ {\"a\": 1}]", "JSON");
         is("ISO-10303-21;", "STEP");
         is(b"\x02\x00\x10\xff\xfe\xab\x80\x81\x03\x04MAZ", "binary");
+    }
+
+    #[test]
+    fn archives_by_the_head_of_their_first_file() {
+        for (name, mark) in [("shaft.nc", &b"ustar\x0000"[..]), ("G1 X10", b"ustar  \0"), ("%", b"")] {
+            let mut head = [0; 512];
+            head[..name.len()].copy_from_slice(name.as_bytes());
+            head[100..107].copy_from_slice(b"0000644");
+            head[124..135].copy_from_slice(b"00000000012");
+            head[257..257 + mark.len()].copy_from_slice(mark);
+            head[148..156].copy_from_slice(b"        ");
+            let sum: u32 = head.iter().copied().map(u32::from).sum();
+            head[148..156].copy_from_slice(format!("{sum:06o}\0 ").as_bytes());
+            is([&head[..], b"G1 X10"].concat(), "tar");
+        }
     }
 
     #[test]
