@@ -72,6 +72,8 @@ pub struct ThinningShown {
     pub reversals_before: [u64; 2],
     /// Reversals inside them that are left.
     pub reversals_after: [u64; 2],
+    /// Reversals that the other method leaves.
+    pub reversals_by_other_method: Option<[u64; 2]>,
     /// Times of the thinned blocks as programmed and as they are left, s.
     pub times_s: [f64; 2],
     /// Blocks read and dropped.

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use feedwave_contract::proto::StabilityLobes;
 
+use plotters::style::text_anchor::HPos;
+
 use super::canvas::{self, PlotError};
 use super::figure::{Axis, Beside, Figure, HERTZ, Layout, MM, Panel, Place, REV_PER_MIN, extent, padded};
 use super::theme::{self, Ink};
@@ -13,6 +15,15 @@ use super::theme::{self, Ink};
 const HEADROOM: f64 = 1.3;
 /// What is drawn at least, as a multiple of the limit below which nothing chatters.
 const LEAST_LIMITS: f64 = 2.5;
+
+/// Design units that the speeds take at least in the picture's width.
+const LEAST_PANEL_WIDTH: f64 = 1_200.0;
+/// Between a line and its text, design units.
+const LABEL_GAP: f64 = 6.0;
+/// Height of a row of texts, design units.
+const LABEL_ROW: f64 = 19.0;
+/// Rows of texts above each other.
+const LABEL_ROWS: usize = 4;
 
 /// Lobes to draw.
 #[derive(Clone, Debug)]
@@ -88,9 +99,13 @@ impl LobesPicture<'_> {
         panel.path(&limit, self.curve(1.0, f64::NAN));
         let marks = self.marks();
         // The last band ends with the picture.
-        for mark in marks.iter().rev().skip(1) {
-            panel.upright(&Ink::dashed("border of a band of speeds", theme::MUTED, 1.2), mark.up_to_rev_per_min);
+        let borders: Vec<f64> = marks.iter().rev().skip(1).map(|mark| mark.up_to_rev_per_min).collect();
+        for border in &borders {
+            panel.upright(&Ink::dashed("border of a band of speeds", theme::MUTED, 1.2), *border);
         }
+        let lines = marks.iter().map(|mark| mark.spindle_rev_per_min).chain(borders).collect();
+        let mut labels =
+            FootLabels { lines, per_unit: (range.end - range.start) / LEAST_PANEL_WIDTH, taken: Vec::new() };
         let name = "best speed of its band, rev/min, with its depth";
         for mark in &marks {
             let depth = mark.stable_mm.unwrap_or(top_mm).min(top_mm);
@@ -99,14 +114,10 @@ impl LobesPicture<'_> {
                 vec![(mark.spindle_rev_per_min, 0.0), (mark.spindle_rev_per_min, depth)],
             );
             panel.dots(&Ink::dot(name, theme::COMMAND, 5.5), vec![(mark.spindle_rev_per_min, depth)]);
-            // At the foot of its line, where no curve passes.
             let text = super::figure::short(mark.spindle_rev_per_min, 0);
-            panel.label(
-                (mark.spindle_rev_per_min, 0.0),
-                text,
-                theme::INK,
-                Beside { by: (6.0, -5.0), ..Beside::INSIDE_BOTTOM },
-            );
+            if let Some(beside) = labels.place(mark.spindle_rev_per_min, &text) {
+                panel.label((mark.spindle_rev_per_min, 0.0), text, theme::INK, beside);
+            }
         }
         panel
     }
@@ -146,8 +157,64 @@ impl LobesPicture<'_> {
     }
 }
 
+/// Places for texts at the feet of lines, where no curve passes, beside each other and beside the lines where there is room.
+struct FootLabels {
+    /// Lines that a text had better not cross.
+    lines: Vec<f64>,
+    /// Speed of a design unit, rev/min.
+    per_unit: f64,
+    /// Speeds that texts take in a row above the foot.
+    taken: Vec<(usize, [f64; 2])>,
+}
+
+impl FootLabels {
+    /// Where the text of a line goes; `None` where there is no room at all.
+    fn place(&mut self, at: f64, text: &str) -> Option<Beside> {
+        let (near, far) =
+            (LABEL_GAP * self.per_unit, (LABEL_GAP + theme::text_width(text, theme::LABEL_SIZE)) * self.per_unit);
+        let sides = [(HPos::Left, [at + near, at + far]), (HPos::Right, [at - far, at - near])];
+        let places = |rows| {
+            (0..rows).flat_map(move |row: usize| sides.into_iter().map(move |(side, speeds)| (row, side, speeds)))
+        };
+        let is_free = |place: &(usize, HPos, [f64; 2])| {
+            let [from, to] = place.2;
+            self.taken.iter().all(|(row, [first, last])| *row != place.0 || to < *first || *last < from)
+        };
+        let is_clear = |place: &(usize, HPos, [f64; 2])| {
+            let [from, to] = [place.2[0].min(at), place.2[1].max(at)];
+            !self.lines.iter().any(|line| *line != at && (from..=to).contains(line))
+        };
+        let found = places(1).find(|place| is_free(place) && is_clear(place));
+        let found = found.or_else(|| places(LABEL_ROWS).find(is_free));
+        let (row, x, speeds) = found?;
+        self.taken.push((row, speeds));
+        let right = if matches!(x, HPos::Left) { LABEL_GAP } else { -LABEL_GAP };
+        Some(Beside { x, by: (right, -5.0 - LABEL_ROW * row as f64), ..Beside::INSIDE_BOTTOM })
+    }
+}
+
 /// Whether two points, speed and frequency, can be neighbours on one branch.
 fn continues((speed, frequency): (f64, f64), (next_speed, next_frequency): (f64, f64)) -> bool {
     let rise = next_frequency / frequency;
     (1.0 - 1e-6..1.0 + 2.0 * (next_speed / speed - 1.0)).contains(&rise)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_at_feet_never_overlap_and_avoid_lines_where_they_can() {
+        let lines = vec![1_000.0, 1_004.0, 1_300.0, 1_305.0, 1_310.0, 1_315.0, 1_900.0];
+        let mut labels = FootLabels { lines: lines.clone(), per_unit: 1.0, taken: Vec::new() };
+        let places: Vec<_> = lines.iter().map(|line| labels.place(*line, "1234").map(|it| (it.x, it.by))).collect();
+        // Between both lines there is no room: one text on either side.
+        assert!(matches!(places[0], Some((HPos::Right, _))) && matches!(places[1], Some((HPos::Left, _))));
+        assert!(places.iter().all(Option::is_some));
+        for (place, (row, speeds)) in labels.taken.iter().enumerate() {
+            let overlaps =
+                |(other, [first, last]): &(usize, [f64; 2])| other == row && speeds[0] <= *last && *first <= speeds[1];
+            assert!(!labels.taken[..place].iter().any(overlaps), "{:?}", labels.taken);
+        }
+    }
 }

@@ -143,7 +143,7 @@ fn pictures_compare_the_program_with_what_thinning_leaves() {
     let output = on_mill("plan", &["--plots", directory.path().to_str().unwrap()]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let rotary = picture("rotary-axes.svg");
-    assert!(rotary.contains("reversals inside the cuts: 639 as programmed, 2 thinned"));
+    assert!(rotary.contains("reversals inside the cuts: 639 as programmed, 0 thinned by a fit, 2 thinned as"));
     assert!(rotary.contains("in the whole program"), "turns between the cuts are counted, too");
     let sphere = picture("tool-direction.svg");
     assert!(sphere.contains("as programmed") && sphere.contains("thinned") && sphere.contains("90\u{b0}"));

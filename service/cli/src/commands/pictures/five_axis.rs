@@ -62,6 +62,10 @@ pub(super) fn prepare(
         deviations: thinning.deviations.clone(),
         reversals_before: thinning.figures.rotary.reversals_before,
         reversals_after: thinning.figures.rotary.reversals_after,
+        reversals_by_other_method: {
+            let other = thinning.methods.iter().find(|of| of.method != thinning.method);
+            other.map(|of| of.figures.rotary.reversals_after)
+        },
         times_s: [thinning.time_before_s, thinning.time_after_s],
         blocks: [thinning.figures.blocks_read, thinning.figures.blocks_dropped],
     });

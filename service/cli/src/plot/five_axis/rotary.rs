@@ -64,8 +64,12 @@ impl RotaryPicture<'_> {
         let mut panel = self.panel(format!("{letter} axis"), axes, range, |plan| plan.angles_deg[axis].points());
         if let Some(thinning) = &self.plots.thinning {
             let (before, after) = (thinning.reversals_before[axis], thinning.reversals_after[axis]);
-            let thinned = self.plots.plans().last().map_or("thinned".into(), |(_, ink)| ink.name);
-            panel.note(format!("reversals inside the cuts: {before} as programmed, {after} {thinned}"));
+            let names: Vec<_> = self.plots.plans().map(|(_, ink)| ink.name).collect();
+            let thinned = names.last().map_or("thinned", |name| name.as_ref());
+            // The other method is between both.
+            let other = thinning.reversals_by_other_method.filter(|_| names.len() > 2);
+            let other = other.map_or_else(String::new, |other| format!(", {} {}", other[axis], names[1]));
+            panel.note(format!("reversals inside the cuts: {before} as programmed{other}, {after} {thinned}"));
         }
         let plans: Vec<_> = self.plots.plans().map(|(plan, ink)| (plan.reversals[axis].count, ink.name)).collect();
         let counts: Vec<_> = plans.iter().map(|(count, name)| format!("{count} {name}")).collect();

@@ -48,6 +48,7 @@ fn five_axis(interpolated_direction_tolerance_deg: Option<f64>) -> Vec<Figure> {
         deviations: DeviationTrace::default(),
         reversals_before: [30, 12],
         reversals_after: [2, 0],
+        reversals_by_other_method: Some([4, 0]),
         times_s: [2.0, 1.0],
         blocks: [100, 90],
     };
