@@ -116,6 +116,8 @@ impl Args {
 struct Judged {
     first_line: u32,
     last_line: u32,
+    /// As programmed.
+    amplitude_mm: f64,
     /// Its worst cut; `None` where nothing of it can be judged so.
     cut: Option<(CutCondition, ChipRobustness)>,
     /// Why it is not judged, or not as a whole.
@@ -161,10 +163,11 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
 }
 
 fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>)]>) -> Judged {
+    let reached = section.reached_share(1.0);
     let coupling = section.chip.as_ref().map_or(FeedCoupling::PerRevolution, |chip| chip.condition.feed_coupling);
     let cuts = section.chip_spans.iter().map(|span| CutCondition {
         feed_per_rev_mm: span.feed_per_rev_mm,
-        amplitude_mm: section.condition.amplitude_mm,
+        amplitude_mm: section.condition.amplitude_mm * reached,
         frequency_hz: section.condition.frequency_hz,
         spindle_rev_per_min: span.spindle_rev_per_min,
         diameter_mm: 0.0,
@@ -178,6 +181,9 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
         () if surface => Some("parts at constant surface speed are not judged: D changes along the path"),
         () if section.chip_spans_not_listed > 0 => {
             Some("it has more cuts than are listed; further ones are not judged")
+        }
+        () if section.unbroken_between_blends().is_some() => {
+            Some("where the vibration is blended out and in at corners, the chip stays whole for a revolution or more")
         }
         () if worst.is_none() => Some("nothing is cut with a turning spindle"),
         () => None,
@@ -194,6 +200,7 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
     Judged {
         first_line: section.first_line,
         last_line: section.last_line,
+        amplitude_mm: section.condition.amplitude_mm,
         cut: worst,
         gap,
         beyond_lobes: stability == Some(None),
@@ -215,9 +222,14 @@ fn text(judged: &[Judged], not_listed: u64, args: &Args) -> String {
     for section in judged {
         let _ = writeln!(text, "\nlines {} to {}", section.first_line, section.last_line);
         if let Some((cut, chip)) = &section.cut {
+            let blended = if cut.amplitude_mm < section.amplitude_mm {
+                format!(" of {} mm, which its blends let through", number(section.amplitude_mm, 4))
+            } else {
+                String::new()
+            };
             let _ = writeln!(
                 text,
-                "  worst cut: {} rev/min, {} mm/rev, {} Hz, {} mm: D = {}",
+                "  worst cut: {} rev/min, {} mm/rev, {} Hz, {} mm{blended}: D = {}",
                 number(cut.spindle_rev_per_min, 6),
                 number(cut.feed_per_rev_mm, 4),
                 number(cut.frequency_hz, 6),

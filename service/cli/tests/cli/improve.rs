@@ -45,7 +45,9 @@ fn the_trap_is_left_and_only_its_words_change() {
     let before = fs::read_to_string(&path).unwrap();
     assert_eq!(fs::read_to_string(&better).unwrap(), before.replace("F50 A0.03", "F41.65 A0.03"));
     let told = stderr(&output);
-    for said in ["1 word changed", "line 6: F50 becomes F41.65", "does not break", "margin 0 to ", "before", "100 %"] {
+    // At the corner between the line and the arc the vibration is blended out and in.
+    for said in ["1 word changed", "line 6: F50 becomes F41.65", "does not break", "margin 0 to ", "before", "99.87 %"]
+    {
         assert!(told.contains(said), "{said} is not in\n{told}");
     }
     assert!(margin(&path) < 1e-9 && margin(&better) > 1.1, "{}", margin(&better));

@@ -109,3 +109,23 @@ fn what_cannot_be_judged_is_said() {
         assert_eq!(code(&run(&[&"robustness", &fixture("spec-trap.nc"), &option])), 2, "{option}");
     }
 }
+
+#[test]
+fn a_short_section_is_judged_by_what_its_blends_let_through() {
+    let directory = tempfile::tempdir().unwrap();
+    let of = |name: &str, blocks: &str| {
+        let path = directory.path().join(name);
+        fs::write(&path, format!("G97 G99\nM3 S970\nG0 X20 Z0\nG200 F40.417 A0.05\n{blocks}G201\nM30\n")).unwrap();
+        run(&[&"robustness", &path])
+    };
+    // The margin of the whole amplitude is 2.
+    let short = of("short.nc", "G1 Z-0.1 F0.05\n");
+    assert_eq!(code(&short), 1, "{}", stdout(&short));
+    for said in ["of 0.05 mm, which its blends let through", "it breaks for 0 % of the values"] {
+        assert!(stdout(&short).contains(said), "{}", stdout(&short));
+    }
+    let long = of("long.nc", "G1 Z-2 F0.05\n");
+    assert!(code(&long) == 0 && stdout(&long).contains("margin 2 as programmed"), "{}", stdout(&long));
+    let corners = of("corners.nc", "G1 Z-0.5 F0.05\nX21\nZ-1\n");
+    assert!(code(&corners) == 1 && stdout(&corners).contains("corners"), "{}", stdout(&corners));
+}

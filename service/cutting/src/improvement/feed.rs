@@ -167,7 +167,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         let mut raised: Vec<SectionReport> = own.to_vec();
         raised.iter_mut().flat_map(|section| &mut section.chip_spans).for_each(|span| span.feed_per_rev_mm *= ratio);
         let raised: Vec<&SectionReport> = raised.iter().collect();
-        let arriving = judged::arriving(&raised);
+        let arriving = judged::arriving(&raised, &self.work.goals.vibration);
         let search = search(&raised, arriving, self.work.config, &self.work.goals.vibration).ok()?;
         let margin = |it| arriving * judged::margin(&search, it);
         if search.suffices(self.vibration.frequency_hz, self.vibration.amplitude_mm) {
@@ -207,8 +207,8 @@ impl<S: Surroundings> Raise<'_, '_, S> {
             return Ok(Err("the word of its feed is that of other cuts as well".to_owned()));
         };
         let own: Vec<&SectionReport> = own.iter().collect();
-        let wanted = Wanted { found, margin, arriving: judged::arriving(&own) };
         let goals = &self.work.goals.vibration;
+        let wanted = Wanted { found, margin, arriving: judged::arriving(&own, goals) };
         if let Some(fault) = judged::fault(self.section.line, &wanted, &state.after, &after, self.work.config, goals) {
             return Ok(Err(fault));
         }

@@ -9,10 +9,20 @@ use crate::{FoundVibration, PipelineConfig, SearchGoals, SectionReport, Validati
 /// By which share a margin may miss what is wanted, where words are rounded.
 pub(super) const ROUNDING: f64 = 1e-6;
 
-/// Share of the amplitude that arrives at the tool, where least of it does.
-pub(super) fn arriving(sections: &[&SectionReport]) -> f64 {
+/// Share of the amplitude that the drives bring to the tool, where least of it arrives.
+pub(super) fn followed(sections: &[&SectionReport]) -> f64 {
     let share = |section: &&SectionReport| section.following.arriving_amplitude_mm / section.condition.amplitude_mm;
     sections.iter().map(share).filter(|share| share.is_finite()).fold(1.0, f64::min)
+}
+
+/// Share of the amplitude that arrives at the chip at the largest override, past the drives and the blends.
+pub(super) fn arriving(sections: &[&SectionReport], goals: &SearchGoals) -> f64 {
+    followed(sections) * reached(sections, goals)
+}
+
+/// Share of the amplitude that the blends let through, where least of it passes.
+pub(super) fn reached(sections: &[&SectionReport], goals: &SearchGoals) -> f64 {
+    sections.iter().map(|section| section.reached_share(goals.max_feed_override)).fold(1.0, f64::min)
 }
 
 /// How far beyond breaking the worst chip is, at the largest override and the worst speed of the tolerance.
@@ -61,17 +71,22 @@ pub(super) fn fault(
         let reason = worse.unwrap_or_else(|| "an axis cannot follow it".to_owned());
         return Some(format!("{vibration} would be refused: {reason}"));
     }
-    let arriving = arriving(&sections);
+    let arriving = arriving(&sections, goals);
     if wanted.margin / wanted.arriving * arriving < goals.margin * (1.0 - ROUNDING) {
         let percent = decimal(100.0 * arriving, 1);
         return Some(format!(
-            "of {vibration} the drives would bring {percent} % to the tool, too little for the margin"
+            "of {vibration} {} would bring {percent} % to the chip, too little for the margin",
+            if reached(&sections, goals) < 1.0 { "drives and blends" } else { "the drives" }
         ));
     }
     if let Some(worse) = worse {
         return Some(format!("{vibration} would be worse in another way: {worse}"));
     }
-    let breaks = sections.iter().all(|section| section.broken_share.is_none_or(|share| share >= 1.0));
+    // What blends at junctions leave unbroken is judged as a finding.
+    let breaks = |section: &&SectionReport| {
+        !section.is_kept_whole_by_blends() && section.chip_spans.iter().all(|span| span.broken)
+    };
+    let breaks = sections.iter().all(breaks);
     let margin = margin_of(&sections, config, goals);
     (!breaks || margin < goals.margin * (1.0 - ROUNDING)).then(|| {
         format!(
@@ -87,7 +102,7 @@ pub(super) fn fault(
 pub(super) fn margin_of(sections: &[&SectionReport], config: &PipelineConfig, goals: &SearchGoals) -> f64 {
     let Some(condition) = sections.first().map(|section| section.condition) else { return 0.0 };
     let vibration = FoundVibration { frequency_hz: condition.frequency_hz, amplitude_mm: condition.amplitude_mm };
-    let arriving = arriving(sections);
+    let arriving = arriving(sections, goals);
     search(sections, arriving, config, goals).map_or(0.0, |search| arriving * margin(&search, vibration))
 }
 
@@ -100,12 +115,22 @@ fn worse_in(sections: &[&SectionReport], before: &ValidationReport, after: &Vali
         };
         finding.span.program == 0 && sections.iter().any(of)
     };
-    // How sure the chip has to be, with what arrives, is judged by the goals.
+    // How sure the chip has to be, with what arrives, is judged by the goals; how much of the path breaks, by what did before.
+    let lines: Vec<u32> = sections.iter().map(|section| section.on_line).collect();
+    let breaks_no_less = broken_mm(after, &lines) >= broken_mm(before, &lines) * (1.0 - ROUNDING);
     let by_goals = |finding: &Finding| {
         let name = finding.code.name();
-        name.starts_with("VIB-CHIP-") || name == "VIB-FOLLOWING-LOSS"
+        name.starts_with("VIB-CHIP-")
+            || name == "VIB-FOLLOWING-LOSS"
+            || (name == "VIB-PARTLY-UNBROKEN" && breaks_no_less)
     };
     worse(before, after, |finding| is_there(finding) && !by_goals(finding))
+}
+
+/// Length on which the sections of these lines break the chip, mm.
+fn broken_mm(report: &ValidationReport, lines: &[u32]) -> f64 {
+    let of = report.sections.iter().filter(|section| lines.contains(&section.on_line));
+    of.map(|section| section.broken_share.unwrap_or(0.0) * section.length_mm).sum()
 }
 
 /// The first warning or error of these that validation did not give before, or of which the first number was smaller.

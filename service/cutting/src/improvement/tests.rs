@@ -330,3 +330,32 @@ fn a_threading_pass_gets_the_phase_that_cuts_its_chip() {
     assert!(changed.iter().all(|step| step.kind == ImprovementKind::ThreadPass));
     assert!(improvement.after.summary.warnings < improvement.before.summary.warnings);
 }
+
+#[test]
+fn blends_count_for_the_vibration_that_is_looked_for() {
+    let config = on(MachineProfile { max_feed_override: 1.2, ..MachineProfile::lathe() });
+    let reason = |program: &str| {
+        let improvement = improved(program, &config, &goals());
+        is_consistent(program, &config, &improvement);
+        let step = step(&improvement, ImprovementKind::Vibration);
+        assert_eq!(step.outcome, ImprovementOutcome::NotPossible, "{step:?}");
+        step.reason.clone()
+    };
+    // The whole amplitude has a margin of 2, and little of it arrives.
+    let short = turning("F40.417 A0.05", 970.0, "F0.05", 0.1);
+    assert!(reason(&short).contains("blends"), "{}", reason(&short));
+    // Blocks long enough for the chip to break in each, with corners between them.
+    let blocks: String = (1..=20)
+        .map(|block| format!("G1 X{} Z{:.3} F0.05\n", 20.0 + 0.4 * f64::from(block % 2), -0.4 * f64::from(block)))
+        .collect();
+    let head = "G21 G97 G99 S970 M3\nG0 X20. Z0\n";
+    let corners = format!("{head}G200 F40.417 A0.05\n{blocks}G201\nG0 X60.\nM30\n");
+    assert!(reason(&corners).contains("corners"), "{}", reason(&corners));
+    // Where nothing breaks, more than nothing is better.
+    let none = format!("{head}G200 F48.5 A0.05\n{blocks}G201\nG0 X60.\nM30\n");
+    let improvement = improved(&none, &config, &goals());
+    is_consistent(&none, &config, &improvement);
+    assert_eq!(step(&improvement, ImprovementKind::Vibration).outcome, ImprovementOutcome::Changed);
+    let [before, after] = [&improvement.before, &improvement.after].map(|it| it.sections[0].broken_share.unwrap());
+    assert!(before == 0.0 && after > 0.6 && after < 1.0, "{before} {after}");
+}

@@ -36,7 +36,7 @@ pub(super) struct Section {
     pub(super) margin: f64,
     /// Largest share of a limit that an axis needs.
     utilisation: f64,
-    /// Share of the amplitude that arrives at the tool, where least of it does.
+    /// Share of the amplitude that arrives at the chip, where least of it does.
     pub(super) arriving: f64,
     pub(super) outcome: Outcome,
 }
@@ -202,22 +202,37 @@ fn plan<S: Surroundings>(
     work.step()?;
     let condition = sections[0].condition;
     let programmed = FoundVibration { frequency_hz: condition.frequency_hz, amplitude_mm: condition.amplitude_mm };
-    let (utilisation, arriving) = (judged::utilisation(sections), judged::arriving(sections));
+    let goals = &work.goals.vibration;
+    let (utilisation, arriving) = (judged::utilisation(sections), judged::arriving(sections, goals));
     let section = |margin, outcome| Section { line, programmed, margin, utilisation, arriving, outcome };
     let not_possible = |margin, reason: &str| section(margin, Outcome::NotPossible(reason.to_owned()));
     if sections.iter().any(|section| section.condition != condition) {
         return Ok(not_possible(0.0, "the block switches on different vibrations, as its words are computed"));
     }
-    if arriving <= 0.0 {
+    if judged::followed(sections) <= 0.0 {
         return Ok(not_possible(0.0, "the drives erase the vibration: nothing of it arrives at the tool"));
     }
-    let (config, goals, least_amplitude) = (work.config, &work.goals.vibration, work.goals.least_amplitude);
+    if arriving <= 0.0 {
+        return Ok(not_possible(
+            0.0,
+            "its blends let nothing of the vibration through to the chip: it needs a longer section",
+        ));
+    }
+    let (config, least_amplitude) = (work.config, work.goals.least_amplitude);
     let search = match search(sections, arriving, config, goals) {
         Ok(search) => search,
         Err(reason) => return Ok(not_possible(0.0, unsearchable(reason))),
     };
     let margin = arriving * margin(&search, programmed);
     let suffices = margin >= goals.margin * (1.0 - ROUNDING);
+    if suffices && let Some((line, revolutions)) = sections.iter().find_map(|it| it.unbroken_between_blends()) {
+        let reason = format!(
+            "where the vibration is blended out and in at corners, the chip stays whole for up to {} revolutions, first from line {line} \
+             on, whatever the vibration: tangent arcs would let it go on",
+            decimal(round_up(revolutions, 2), 2)
+        );
+        return Ok(not_possible(margin, &reason));
+    }
     if suffices && !least_amplitude {
         return Ok(section(margin, Outcome::Holds));
     }
@@ -234,6 +249,13 @@ fn plan<S: Surroundings>(
             None => None,
         };
         let changed = changed.map(|it| section(margin, Outcome::Changed(Box::new(it))));
+        let passing = judged::reached(sections, goals);
+        let blended = format!(
+            "the blends let {} % of the amplitude through to the chip, and no vibration within the limits breaks it with that: a longer \
+             section, or fewer corners in it, would let the whole through",
+            decimal(100.0 * passing, 1)
+        );
+        let reason = if passing < 1.0 { blended.as_str() } else { reason };
         return Ok(changed.unwrap_or_else(|| not_possible(margin, reason)));
     };
     let Some(words) = words else { return Ok(not_possible(margin, no_words)) };

@@ -38,8 +38,18 @@ impl BlendedPath {
     pub(crate) fn fill_share(&self, s: &[f64], share: &mut [f64]) {
         let per_mm = 1.0 / self.ramp_mm;
         for (share, &s) in share.iter_mut().zip(s) {
-            *share = blend((self.before_mm + s) * per_mm) * blend(self.left_mm(s) * per_mm);
+            *share = self.share_of(per_mm, s);
         }
+    }
+
+    /// The share at one place.
+    pub(crate) fn share(&self, s: f64) -> f64 {
+        self.share_of(1.0 / self.ramp_mm, s)
+    }
+
+    #[inline]
+    fn share_of(&self, per_mm: f64, s: f64) -> f64 {
+        blend((self.before_mm + s) * per_mm) * blend(self.left_mm(s) * per_mm)
     }
 
     fn left_mm(&self, s: f64) -> f64 {

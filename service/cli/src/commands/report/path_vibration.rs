@@ -1,8 +1,8 @@
 //! Sections with vibration along the path for people: does the chip break, can the machine follow.
 
 use feedwave_contract::proto::{
-    AxisLoadReport, ChipReport, ChipSpan, FollowingContour, FollowingReport, GenerationMode, Nearest, OverrideReport,
-    PublishedEnds, SectionReport, SpeedTolerance, SurfaceSpeedReport, ValidationReport,
+    AxisLoadReport, BlendReport, ChipReport, ChipSpan, FollowingContour, FollowingReport, GenerationMode, Nearest,
+    OverrideReport, PublishedEnds, SectionReport, SpeedTolerance, SurfaceSpeedReport, ValidationReport,
 };
 
 use super::super::terminal::{Style, number};
@@ -36,7 +36,12 @@ fn section_text(position: usize, section: &SectionReport, style: Style) -> Strin
     );
     envelope_rows(&mut rows, section);
     if let Some(chip) = &section.chip {
-        chip_rows(&mut rows, chip, section.feed_override.unwrap_or(1.0));
+        chip_rows(&mut rows, chip, section.feed_override.unwrap_or(1.0), is_kept_whole_by_blends(section));
+    }
+    if is_kept_whole_by_blends(section) {
+        rows.row("with blends", "that is the amplitude that they let through: the whole one would break the chip");
+    } else if let Some(blend) = section.blend.as_ref().filter(|_| section.broken_share > Some(0.0)) {
+        blend_rows(&mut rows, blend);
     }
     if section.chip_spans.len() > 1 {
         spans(&mut rows, &section.chip_spans);
@@ -97,10 +102,40 @@ fn envelope_rows(rows: &mut Rows, section: &SectionReport) {
     }
 }
 
+/// Whether the whole amplitude would break the chip, and the blends let through too little of it.
+fn is_kept_whole_by_blends(section: &SectionReport) -> bool {
+    let breaks_when_whole = section.chip_spans.iter().any(|span| span.broken)
+        || section.surface_speed.as_ref().is_some_and(|surface| surface.broken_share > 0.0);
+    breaks_when_whole && section.blend.is_some() && section.broken_share == Some(0.0)
+}
+
+/// Where the chip breaks under the amplitude that the blends let through.
+fn blend_rows(rows: &mut Rows, blend: &BlendReport) {
+    let (broken, air) = (percent(blend.broken_share), percent(blend.air_share));
+    let ends = [blend.unbroken_at_start_rev, blend.unbroken_at_end_rev].map(|value| number(value, 3));
+    rows.row(
+        "with blends",
+        format!(
+            "breaks on {broken} of the length, {air} in air; whole for up to {} revolutions at the start, {} at the end",
+            ends[0], ends[1]
+        ),
+    );
+    if let Some(line) = blend.longest_unbroken_line {
+        let longest = number(blend.longest_unbroken_rev, 3);
+        let length = number(blend.longest_unbroken_mm, 4);
+        rows.row(
+            "",
+            rows.style.bad(&format!("chips of up to {longest} revolutions ({length} mm) from line {line} on")),
+        );
+    }
+}
+
 /// Whether the chip breaks at the largest feed override that the machine permits.
 fn permitted_row(rows: &mut Rows, permitted: &OverrideReport) {
     let style = rows.style;
-    let breaks = permitted.broken_share >= 1.0;
+    // A few junctions at which the vibration is blended decide nothing.
+    let reaches = permitted.largest_breaking_override.is_some_and(|largest| largest >= permitted.max_feed_override);
+    let breaks = permitted.broken_share >= 1.0 || reaches;
     let verdict = if breaks { style.good("breaks") } else { style.bad("does not break everywhere") };
     let limit = permitted.largest_breaking_override.map(|largest| format!(", breaks up to {}", percent(largest)));
     let amplitude = permitted.min_amplitude_mm.filter(|_| !breaks);
@@ -116,7 +151,7 @@ fn permitted_row(rows: &mut Rows, permitted: &OverrideReport) {
     );
 }
 
-fn chip_rows(rows: &mut Rows, chip: &ChipReport, feed_override: f64) {
+fn chip_rows(rows: &mut Rows, chip: &ChipReport, feed_override: f64, kept_whole: bool) {
     let style = rows.style;
     let verdict = if chip.broken {
         style.good("breaks")
@@ -161,6 +196,8 @@ fn chip_rows(rows: &mut Rows, chip: &ChipReport, feed_override: f64) {
     );
     match &chip.spindle_speed_margin {
         Some(margin) => margin_row(rows, margin),
+        // The blends of another vibration let another share through: the finding has what was judged so.
+        None if kept_whole => {}
         None => cure_rows(rows, chip),
     }
 }
@@ -290,6 +327,12 @@ fn machine_rows(rows: &mut Rows, section: &SectionReport) {
         following_rows(rows, following);
     }
     axis_table(rows, &section.axes);
+    let on_curve: Vec<_> =
+        section.axes.iter().filter(|axis| axis.limited_on_curve).map(|axis| axis.axis.as_str()).collect();
+    if !on_curve.is_empty() {
+        let axes = on_curve.join(", ");
+        rows.row("", format!("{axes}: a limit is what the planner leaves on a curve beside its reserve for turning, not the axis' own"));
+    }
 }
 
 fn following_rows(rows: &mut Rows, following: &FollowingReport) {

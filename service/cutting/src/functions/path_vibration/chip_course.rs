@@ -10,7 +10,9 @@ use std::collections::VecDeque;
 use super::ChipSpan;
 use super::chip::reaches_through;
 use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport};
+use super::chip_blend::{BlendTally, LongestPart, Parts, reached_share};
 use super::chips::{ChipBlock, ChipStretches};
+use super::report::{BlendReport, FEW_JUNCTIONS_SHARE};
 use super::trial::TrialCuts;
 use super::{OverrideReport, VibrationCondition, VibrationSettings};
 
@@ -58,7 +60,7 @@ pub(super) enum Piece {
 }
 
 impl Piece {
-    fn start_mm(&self) -> f64 {
+    pub(super) fn start_mm(&self) -> f64 {
         match *self {
             Self::Constant(ChipBlock { start_mm, .. })
             | Self::Surface(LinearSpan { start_mm, .. })
@@ -66,12 +68,34 @@ impl Piece {
         }
     }
 
-    fn length_mm(&self) -> f64 {
+    pub(super) fn length_mm(&self) -> f64 {
         match *self {
             Self::Constant(ChipBlock { length_mm, .. })
             | Self::Surface(LinearSpan { length_mm, .. })
             | Self::Stopped { length_mm, .. } => length_mm,
         }
+    }
+
+    pub(super) fn line(&self) -> u32 {
+        match *self {
+            Self::Constant(ChipBlock { line, .. }) | Self::Surface(LinearSpan { line, .. }) => line,
+            Self::Stopped { .. } => 0,
+        }
+    }
+
+    /// The cut at a place of the section; `None` with a stopped spindle.
+    pub(super) fn cut_at(&self, place_mm: f64) -> Option<CutCondition> {
+        match self {
+            Self::Constant(block) => Some(block.cut),
+            Self::Surface(span) => Some(span.cut_at(((place_mm - span.start_mm) / span.length_mm).clamp(0.0, 1.0))),
+            Self::Stopped { .. } => None,
+        }
+    }
+
+    /// Largest feed of a revolution, mm; `None` with a stopped spindle.
+    pub(super) fn largest_feed_per_rev_mm(&self) -> Option<f64> {
+        let ends = [self.cut_at(self.start_mm())?, self.cut_at(self.start_mm() + self.length_mm())?];
+        Some(ends[0].feed_per_rev_mm.max(ends[1].feed_per_rev_mm))
     }
 
     /// Its parts before and after `length_mm`.
@@ -164,10 +188,21 @@ struct Tally {
     /// The cut at the start of the first piece at constant surface speed on which the chip does not break everywhere; of the
     /// first one until there is such a piece.
     surface_cut: Option<WorstCut>,
+    blend: BlendTally,
+}
+
+/// What a tally says of a section.
+struct Tallied {
+    broken_share: Option<f64>,
+    worst: Option<WorstCut>,
+    surface_speed: Option<SurfaceSpeedReport>,
+    blend: Option<BlendReport>,
+    chips: ChipStretches,
 }
 
 impl Tally {
-    fn add(&mut self, piece: &Piece, feed_override: f64) {
+    fn add(&mut self, piece: &Piece, parts: &Parts, feed_override: f64) {
+        self.blend.add(piece, parts, feed_override);
         match piece {
             Piece::Constant(block) => self.chips.add(block),
             Piece::Surface(span) => {
@@ -183,12 +218,20 @@ impl Tally {
         }
     }
 
-    /// Share of the length on which the chip breaks; `None` without a length.
-    fn broken_share(&self, surface: Option<&SurfaceSpeedReport>) -> Option<f64> {
+    /// Judges a section of `length_mm`.
+    fn finish(mut self, parts: &Parts, length_mm: f64) -> Tallied {
+        let surface_speed = core::mem::take(&mut self.surface_speed).finish();
+        let surface = surface_speed.as_ref();
         let surface_mm = surface.map_or(0.0, |surface| surface.length_mm);
-        let broken_mm = self.chips.broken_mm() + surface.map_or(0.0, |surface| surface.broken_share * surface_mm);
-        let length_mm = self.chips.length_mm() + surface_mm;
-        (length_mm > 0.0).then(|| broken_mm / length_mm)
+        let steady_mm = self.chips.broken_mm() + surface.map_or(0.0, |surface| surface.broken_share * surface_mm);
+        let cut_mm = self.chips.length_mm() + surface_mm;
+        let blend = core::mem::take(&mut self.blend).finish(parts, length_mm);
+        // What breaks nowhere is judged by the amplitude that there is; elsewhere the cut with the whole one.
+        let never = blend.never.filter(|_| steady_mm > 0.0);
+        let broken_mm = if never.is_some() { 0.0 } else { (steady_mm - blend.inside_mm).max(0.0) };
+        let broken_share = (cut_mm > 0.0).then(|| broken_mm / cut_mm);
+        let worst = never.or_else(|| self.worst(surface));
+        Tallied { broken_share, worst, blend: blend.report, chips: self.chips, surface_speed }
     }
 
     /// The cut furthest from breaking: at constant surface speed that in the middle of the first span that does not break.
@@ -226,6 +269,13 @@ pub(super) struct ChipCourse {
     /// Whether pieces wait for the override that they are cut at, instead of being cut at the programmed feed.
     waits: bool,
     waiting: VecDeque<Piece>,
+    /// Places up to which the path has been cut, and at which overrides, while the amplitude there is not known yet.
+    cuts: VecDeque<(f64, f64)>,
+    /// Up to where the path is known, mm; infinite once it is over.
+    known_mm: f64,
+    parts: Parts,
+    /// How far back the revolution before can be, mm.
+    lag_mm: f64,
     cut: Tally,
     permitted: Tally,
     trial: TrialCuts,
@@ -241,6 +291,8 @@ pub(super) struct ChipVerdict {
     pub(super) spans_not_listed: u64,
     pub(super) surface_speed: Option<SurfaceSpeedReport>,
     pub(super) permitted: Option<OverrideReport>,
+    /// What the blends leave of it; `None` as published.
+    pub(super) blend: Option<BlendReport>,
     /// What decides about another vibration.
     pub(super) trial: TrialCuts,
 }
@@ -253,6 +305,10 @@ impl ChipCourse {
             max_feed_override: 1.0,
             waits: false,
             waiting: VecDeque::new(),
+            cuts: VecDeque::new(),
+            known_mm: 0.0,
+            parts: Parts::default(),
+            lag_mm: 0.0,
             cut: Tally::default(),
             permitted: Tally::default(),
             trial: TrialCuts::default(),
@@ -265,53 +321,86 @@ impl ChipCourse {
         Self { max_feed_override, waits, ..self }
     }
 
+    /// A part starts at a place of the section, and the one before ends.
+    pub(super) fn start_part(&mut self, place_mm: f64, ramp_mm: Option<f64>, feed_mm_per_s: f64) {
+        if let Some(ramp_mm) = ramp_mm {
+            self.parts.start(place_mm, ramp_mm, feed_mm_per_s);
+            self.advance();
+        }
+    }
+
     pub(super) fn add(&mut self, piece: Piece) {
-        self.permitted.add(&piece.at(self.max_feed_override, self.following), self.max_feed_override);
         if let Some(worst) = piece.worst()
             && self.worst.is_none_or(|known| worst.is_worse_than(&known))
         {
             self.worst = Some(worst);
         }
+        let feed_mm = piece.largest_feed_per_rev_mm().unwrap_or(0.0);
+        self.lag_mm = self.lag_mm.max(feed_mm * self.max_feed_override);
+        self.known_mm = piece.start_mm() + piece.length_mm();
         self.waiting.push_back(piece);
-        if !self.waits {
-            self.is_cut(f64::INFINITY, 1.0);
-        }
+        self.advance();
     }
 
     /// The path has been cut up to a place of the section at a feed override; what was cut before stays.
     pub(super) fn is_cut(&mut self, up_to_mm: f64, feed_override: f64) {
+        self.cuts.push_back((up_to_mm, feed_override));
+        self.advance();
+    }
+
+    /// Judges what has been cut, as far as the amplitude is known.
+    fn advance(&mut self) {
+        let judged_mm = self.parts.judged_up_to_mm(self.known_mm);
         while let Some(piece) = self.waiting.pop_front() {
+            let Some(&(up_to_mm, feed_override)) = self.cuts.front().or((!self.waits).then_some(&(f64::INFINITY, 1.0)))
+            else {
+                return self.waiting.push_front(piece);
+            };
             let before_mm = up_to_mm - piece.start_mm();
             if before_mm <= SAME_PLACE_MM {
+                self.waiting.push_front(piece);
+                self.cuts.pop_front();
+                continue;
+            }
+            let is_divided = before_mm < piece.length_mm() - SAME_PLACE_MM;
+            let needed_mm = if is_divided { up_to_mm } else { piece.start_mm() + piece.length_mm() };
+            if needed_mm > judged_mm {
                 return self.waiting.push_front(piece);
             }
-            let piece = if before_mm < piece.length_mm() - SAME_PLACE_MM {
+            let piece = if is_divided {
                 let [piece, rest] = piece.divided(before_mm);
                 self.waiting.push_front(rest);
                 piece
             } else {
                 piece
             };
-            self.cut.add(&piece.at(feed_override, self.following), feed_override);
-            self.trial.add(&piece, feed_override.max(self.max_feed_override));
+            self.judge(&piece, feed_override);
         }
+    }
+
+    fn judge(&mut self, piece: &Piece, feed_override: f64) {
+        let permitted = piece.at(self.max_feed_override, self.following);
+        self.permitted.add(&permitted, &self.parts, self.max_feed_override);
+        self.cut.add(&piece.at(feed_override, self.following), &self.parts, feed_override);
+        self.trial.add(piece, feed_override.max(self.max_feed_override));
+        self.parts.forget_before(piece.start_mm() - self.lag_mm);
     }
 
     /// The verdict on a section of `length_mm`; what still waits is judged at the programmed feed.
     pub(super) fn finish(mut self, length_mm: f64) -> ChipVerdict {
+        self.parts.close(length_mm);
+        self.trial.is_divided(self.parts.longest());
+        self.known_mm = f64::INFINITY;
         self.is_cut(f64::INFINITY, 1.0);
-        let permitted = self.permitted_report();
-        let Tally { chips, surface_speed, surface_cut } = self.cut;
-        let surface_speed = surface_speed.finish();
-        let cut = Tally { chips, surface_speed: SurfaceSpeedAnalysis::default(), surface_cut };
-        let (broken_share, worst) = (cut.broken_share(surface_speed.as_ref()), cut.worst(surface_speed.as_ref()));
-        let (spans, spans_not_listed) = cut.chips.into_spans(length_mm);
-        ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted, trial: self.trial }
+        let permitted = self.permitted_report(length_mm);
+        let Tallied { broken_share, worst, surface_speed, blend, chips } = self.cut.finish(&self.parts, length_mm);
+        let (spans, spans_not_listed) = chips.into_spans(length_mm);
+        let trial = self.trial;
+        ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted, blend, trial }
     }
 
-    fn permitted_report(&self) -> Option<OverrideReport> {
-        let surface = self.permitted.surface_speed.clone().finish();
-        let broken_share = self.permitted.broken_share(surface.as_ref())?;
+    fn permitted_report(&mut self, length_mm: f64) -> Option<OverrideReport> {
+        let broken_share = core::mem::take(&mut self.permitted).finish(&self.parts, length_mm).broken_share?;
         let Worst { margin, cut, line } = self.worst?;
         let amplitude_ratio = self.following.ratio_at(self.max_feed_override);
         let least_mm = |needed_override: f64| {
@@ -319,15 +408,23 @@ impl ChipCourse {
             let programmed_mm = commanded_mm / self.following.up_to.map_or(1.0, |limit| needed_override.min(limit));
             (margin > 0.0 && commanded_mm <= self.max_amplitude_mm).then_some(programmed_mm)
         };
-        let largest = self.following.largest_breaking(margin);
+        // Where the blends decide, the feed alone does not say up to which override.
+        let blends_decide = broken_share < 1.0 - FEW_JUNCTIONS_SHARE
+            && reaches_through(margin * amplitude_ratio / self.max_feed_override);
+        let largest = self.following.largest_breaking(margin).filter(|_| !blends_decide);
+        let reached = self.parts.longest().map_or(1.0, |LongestPart { length_mm, ramp_mm, .. }| {
+            let ratio = self.max_feed_override;
+            reached_share(length_mm, ramp_mm, ratio * cut.feed_per_rev_mm, ratio * cut.vibration_mm())
+        });
         Some(OverrideReport {
             max_feed_override: self.max_feed_override,
             broken_share,
-            breaking_margin: margin * amplitude_ratio / self.max_feed_override,
+            breaking_margin: reached * margin * amplitude_ratio / self.max_feed_override,
+            blends_decide,
             line,
             largest_breaking_override: largest,
             largest_breaking_feed_per_rev_mm: largest.map(|ratio| cut.feed_per_rev_mm * ratio),
-            min_amplitude_mm: least_mm(self.max_feed_override),
+            min_amplitude_mm: least_mm(self.max_feed_override).filter(|_| !blends_decide),
         })
     }
 }

@@ -8,7 +8,7 @@ use super::chip::ChipReport;
 use super::chip_findings::percent;
 use super::findings::{Evidence, amplitude_of_word, amplitude_word, frequency_word};
 use super::trial::{Objection, Tried};
-use crate::shared::wording::{decimal, round_down};
+use crate::shared::wording::{decimal, round_down, round_up};
 
 /// Another value, and what becomes of the section with it.
 pub(super) struct Change {
@@ -170,10 +170,22 @@ impl Evidence {
                 format!("turn the spindle at {} rev/min: {}", decimal(change.value, 1), self.explained(change, beside));
             finding = finding.suggest_value(message, None, "spindle_speed", change.value, "rev/min");
         }
-        match amplitude.filter(|_| cures.place != Place::Amplitude) {
-            Some(least_mm) => self.suggest_amplitude(finding, least_mm, None),
-            None => finding,
+        if let Some(least_mm) = amplitude.filter(|_| cures.place != Place::Amplitude) {
+            finding = self.suggest_amplitude(finding, least_mm, None);
         }
+        if self.report.is_kept_whole_by_blends() { self.suggest_length(finding) } else { finding }
+    }
+
+    /// The length from which on the blends let enough through.
+    pub(super) fn suggest_length(&self, finding: Finding) -> Finding {
+        let Some(length_mm) = self.trial.breaking_from_mm().map(|mm| round_up(mm, 3)) else { return finding };
+        let of = match self.report.blended_junctions {
+            0 => "make the section at least",
+            _ => "cut one way between two corners that is at least",
+        };
+        let message =
+            format!("{of} {} mm long: the blends then let the whole amplitude through", decimal(length_mm, 3));
+        finding.suggest_value(message, None, "length", length_mm, "mm")
     }
 
     fn suggest_frequency(&self, finding: Finding, change: &Change, place: Place) -> Finding {
@@ -211,7 +223,11 @@ impl Evidence {
         let top = self.trial.top_override();
         let up_to =
             if top > 1.0 { format!(", enough up to a feed override of {} %", percent(top)) } else { String::new() };
-        let message = format!("raise the amplitude to at least {} mm{up_to}", decimal(least_mm, 4));
+        let message = if least_mm > self.condition().amplitude_mm {
+            format!("raise the amplitude to at least {} mm{up_to}", decimal(least_mm, 4))
+        } else {
+            format!("lower the amplitude to {} mm, whose blends are shorter{up_to}", decimal(least_mm, 4))
+        };
         finding.suggest_value(message, word, "amplitude", least_mm, "mm")
     }
 
@@ -237,7 +253,9 @@ impl Evidence {
     /// What helps against an override beyond which the chip no longer breaks.
     pub(super) fn suggest_override(&self, mut finding: Finding) -> Finding {
         let Some(permitted) = self.report.at_max_feed_override else { return finding };
-        let largest = permitted.largest_breaking_override.map(|largest| round_down(largest, 4));
+        // No override helps where the blends leave too little.
+        let largest = permitted.largest_breaking_override.filter(|_| !self.report.is_kept_whole_by_blends());
+        let largest = largest.map(|largest| round_down(largest, 4));
         let up_to = permitted.max_feed_override;
         if self.settings.amplitude_follows_feed_up_to.is_none()
             && largest.is_some_and(|largest| largest >= 1.0)

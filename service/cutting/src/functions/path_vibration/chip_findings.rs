@@ -2,7 +2,8 @@
 
 use feedwave_program::Finding;
 
-use super::chip::{ChipReport, SurfaceSpeedReport};
+use super::OverrideReport;
+use super::chip::{ChipReport, SurfaceSpeedReport, reaches_through};
 use super::code;
 use super::findings::Evidence;
 use crate::shared::wording::{decimal, round_down, round_up};
@@ -28,12 +29,14 @@ impl Evidence {
         let at_constant_speed = self.report.chip_spans.iter().any(|span| !span.broken);
         if let Some(surface) = partly
             && !at_constant_speed
+            && !self.report.is_kept_whole_by_blends()
         {
             findings.push(self.partly_unbroken(surface));
         } else if !chip.broken {
             findings.push(self.unbroken(chip, line));
         } else {
             self.marginal(chip, line, findings);
+            findings.extend(self.unbroken_between_blends());
             findings.extend(self.unbroken_at_permitted_override());
         }
     }
@@ -42,6 +45,13 @@ impl Evidence {
     fn unbroken(&self, chip: &ChipReport, line: u32) -> Finding {
         let cut = &chip.condition;
         let reason = match chip.min_amplitude_mm {
+            Some(least_mm) if self.report.is_kept_whole_by_blends() => format!(
+                "needs a steady amplitude of {} mm to break it, and the blends of {} mm at the ends of the section and of its \
+                 parts let through {}",
+                decimal(round_up(least_mm, 4), 4),
+                decimal(self.report.ramp_mm.unwrap_or(0.0), 4),
+                let_through(cut.amplitude_mm)
+            ),
             None => format!(
                 "makes D = {} vibrations per revolution, a whole number: every revolution follows the one before, and \
                  no amplitude breaks the chip",
@@ -90,9 +100,37 @@ impl Evidence {
         if self.report.feed_override == Some(1.0) { finding } else { self.suggest_override(finding) }
     }
 
+    /// The blends inside of the section leave at least a whole revolution unbroken: a closed ring of chip, and more.
+    fn unbroken_between_blends(&self) -> Option<Finding> {
+        let (line, revolutions) = self.report.unbroken_between_blends()?;
+        let blend = self.report.blend?;
+        let unbroken_share = 1.0 - self.report.broken_share?;
+        let message = format!(
+            "the vibration is blended out and in at junctions inside of the section ({} of them): the chip does not break on {} % of the section beside its \
+             first and last blend, and stays whole for up to {} revolutions ({} mm) from line {line} on",
+            self.report.blended_junctions,
+            decimal(unbroken_share * 100.0, 1),
+            decimal(round_up(revolutions, 2), 2),
+            decimal(blend.longest_unbroken_mm, 4)
+        );
+        let finding = Finding::new(code::VIB_PARTLY_UNBROKEN, self.on_span, message)
+            .at("line", line.into())
+            .ranked("", unbroken_share)
+            .with_value("unbroken_share", unbroken_share, "")
+            .with_value("longest_unbroken_revolutions", revolutions, "")
+            .with_value("longest_unbroken", blend.longest_unbroken_mm, "mm");
+        Some(finding.suggest(
+            "round the corners with tangent arcs, which the vibration goes over; fewer corners leave less unbroken",
+        ))
+    }
+
     /// The chip breaks at every override of the plan, but not at the largest one that the machine permits.
     fn unbroken_at_permitted_override(&self) -> Option<Finding> {
-        let permitted = self.report.at_max_feed_override.filter(|permitted| permitted.broken_share < 1.0)?;
+        let permitted = self.report.at_max_feed_override;
+        let permitted = permitted.filter(|it| it.blends_decide || !reaches_through(it.breaking_margin))?;
+        if permitted.blends_decide {
+            return self.blended_at_permitted_override(&permitted);
+        }
         let top = percent(permitted.max_feed_override);
         let largest = permitted.largest_breaking_override.map(|ratio| round_down(ratio, 4));
         let breaking = match (largest, permitted.largest_breaking_feed_per_rev_mm) {
@@ -132,6 +170,26 @@ impl Evidence {
             finding = self.suggest_amplitude(finding, least_mm, self.amplitude_cure(least_mm));
         }
         Some(self.suggest_override(finding))
+    }
+
+    /// At the largest override the blends let through too little for the chip to break anywhere, or leave more unbroken.
+    fn blended_at_permitted_override(&self, permitted: &OverrideReport) -> Option<Finding> {
+        if permitted.broken_share > 0.0 {
+            return None;
+        }
+        let message = format!(
+            "the chip breaks at the feed of the plan, and the machine permits {} %, where the blends of {} mm let through too \
+             little amplitude for it to break anywhere",
+            percent(permitted.max_feed_override),
+            decimal(self.report.ramp_mm.unwrap_or(0.0), 4)
+        );
+        let finding = Finding::new(code::VIB_CHIP_OVERRIDE, self.on_span, message)
+            .at("line", permitted.line.into())
+            .ranked("", -permitted.breaking_margin)
+            .with_value("max_feed_override", permitted.max_feed_override, "")
+            .with_value("broken_share", permitted.broken_share, "");
+        let finding = self.suggest_length(finding);
+        Some(finding.suggest("permit less override (max_feed_override in the machine profile)"))
     }
 
     /// The chip breaks, but a little more or less spindle speed ends that.
@@ -181,6 +239,14 @@ impl Evidence {
             .with_value("unbroken_spans", span_count as f64, "")
             .suggest("turn the section at a constant spindle speed (G97) with half-integer D")
             .suggest("raise the amplitude: the spans around whole D become narrower")
+    }
+}
+
+/// The steady amplitude that breaks as much as what the blends let through.
+fn let_through(amplitude_mm: f64) -> String {
+    match round_down(amplitude_mm, 6) {
+        0.0 => "nothing of the vibration".to_owned(),
+        amplitude_mm => format!("no more than one of {} mm over a whole vibration", decimal(amplitude_mm, 6)),
     }
 }
 

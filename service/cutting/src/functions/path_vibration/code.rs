@@ -134,7 +134,8 @@ feedwave_program::finding_codes! {
     "VIB-CHIP-UNBROKEN" [VIB_CHIP_UNBROKEN: Warning] {
         meaning: "the vibration does not break the chip",
         cause: "The number of vibrations per revolution is whole, so that every revolution repeats the one before, or \
-              the amplitude is too small for this number and the feed per revolution.",
+              the amplitude is too small for this number and the feed per revolution, or a short section lets no more of it \
+              through between its blends.",
         cure: "Use the frequency, spindle speed or amplitude that the finding names: each was judged as it is written. Where none is \
               named, the message says why; a number of vibrations with one half, such as 1.5 or 2.5, needs the \
               smallest amplitude.",
@@ -159,11 +160,13 @@ feedwave_program::finding_codes! {
     }
 
     "VIB-PARTLY-UNBROKEN" [VIB_PARTLY_UNBROKEN: Warning] {
-        meaning: "at constant surface speed the chip does not break on part of the path",
-        cause: "The spindle speed changes with the diameter and leads the number of vibrations per revolution through \
-              whole numbers.",
+        meaning: "the chip does not break on part of the path, at constant surface speed or at junctions that the vibration is \
+              blended at",
+        cause: "At constant surface speed the spindle speed changes with the diameter and leads the number of vibrations per \
+              revolution through whole numbers. At a junction that the vibration cannot go over it is blended out and in, and \
+              the chip stays whole for a revolution or more.",
         cure: "Turn the section at a constant spindle speed (`G97`), or raise the amplitude: the unbroken stretches \
-              become narrower.",
+              become narrower. At junctions, program tangent arcs or longer blocks.",
         example: lathe("G50 S3000\nG96 S150 M3\nG0 X60 Z0\nG200 F30 A0.06\nG1 X20 F0.1\nG201\nM30"),
     }
 

@@ -1,7 +1,7 @@
 //! From the evidence of a section to findings: one for each kind, with the numbers and what cures it. Sections of one switch
 //! share its place: the findings' log counts them and keeps the worst.
 
-use feedwave_motion::{LimitExceeded, Quantity};
+use feedwave_motion::{LEAST_FEED_SHARE, LimitExceeded, Quantity};
 use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
 use super::chip::CutCondition;
@@ -160,12 +160,11 @@ impl Evidence {
             let load = AxisLoad { quantity, rotary: axis.is_rotary(), demanded, limit };
             let code = load.code(&AXIS_CODES);
             if findings[before..].iter().all(|finding| finding.code != code) {
-                let beside = if *nominal == limit {
-                    String::new()
+                let message = if *nominal == limit {
+                    format!("{exceeded} (line {line})")
                 } else {
-                    format!("; the curve takes its part of the axis' {}", decimal(*nominal, 1))
+                    on_curve(exceeded, *nominal, &load, *line)
                 };
-                let message = format!("{exceeded} (line {line}{beside})");
                 let finding = self.axis_finding(&load, &axis.letter().to_string(), *line, message);
                 let (permitted, nominal) = (exceeded.permitted(), *nominal);
                 let finding = finding.with_value("permitted", permitted, load.unit());
@@ -458,3 +457,21 @@ pub(super) fn amplitude_word(amplitude_mm: f64, inch: bool) -> String {
 
 /// By definition.
 const MM_PER_INCH: f64 = 25.4;
+
+/// What an axis has, and what the planner leaves of it on a curve.
+fn on_curve(exceeded: &LimitExceeded, nominal: f64, load: &AxisLoad, line: u32) -> String {
+    let LimitExceeded { axis, quantity, demanded, limit } = *exceeded;
+    let fixed = |value: f64| format!("{value:.1}");
+    format!(
+        "on the curve in line {line} the planner leaves {} {unit} of the {} axis' {quantity} to the superposed motion, which takes {}: the \
+         axis' own limit is {}, of which it grants {} along the curve and reserves the rest for turning, whatever the feed, and {} % of \
+         that is for the feed",
+        fixed(exceeded.permitted()),
+        axis.letter(),
+        fixed(demanded),
+        fixed(nominal),
+        fixed(limit),
+        decimal(100.0 * LEAST_FEED_SHARE, 0),
+        unit = load.unit()
+    )
+}

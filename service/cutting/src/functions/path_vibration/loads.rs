@@ -106,6 +106,7 @@ impl AxisLoad {
     }
 
     fn report(&self, axis: &MachineAxis, demanded: [f64; 3], limits: [f64; 3]) -> AxisLoadReport {
+        let own = limits_of(axis);
         AxisLoadReport {
             axis: axis.name.clone(),
             rotary: axis.axis.is_rotary(),
@@ -117,6 +118,7 @@ impl AxisLoad {
             max_acceleration_per_s2: limits[1],
             jerk_per_s3: demanded[2],
             max_jerk_per_s3: limits[2],
+            limited_on_curve: limits.iter().zip(own).any(|(limit, own)| *limit < (1.0 - 2.0 * LEAST_FEED_SHARE) * own),
             utilisation: demanded.iter().zip(limits).map(|(demand, limit)| demand / limit).fold(0.0, f64::max),
         }
     }

@@ -4,6 +4,7 @@
 mod amplitude;
 mod analysis;
 pub(crate) mod chip;
+mod chip_blend;
 mod chip_course;
 mod chip_cures;
 mod chip_findings;
@@ -38,7 +39,7 @@ pub(crate) use envelope::VibrationDemand;
 pub use envelope::VibrationEnvelope;
 pub use following::FollowingReport;
 pub use report::{
-    AxisLoadReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport, SectionReport,
+    AxisLoadReport, BlendReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport, SectionReport,
 };
 pub use robustness::{ChipRobustness, CutTolerances, chip_robustness};
 pub use search::{FoundVibration, SearchCut, SearchGoals, Unsearchable, VibrationSearch};

@@ -4,6 +4,7 @@ use feedwave_motion::PathMotion;
 use feedwave_program::DrillingCycle;
 
 use super::chip::{ChipReport, SurfaceSpeedReport};
+use super::chip_blend::reached_share;
 use super::following::FollowingReport;
 use super::{GenerationMode, VibrationCondition, VibrationEnvelope};
 
@@ -26,7 +27,7 @@ pub struct SectionReport {
     pub envelope: VibrationEnvelope,
     /// Longest path over which the vibration is blended in and out, mm; `None` as published.
     pub ramp_mm: Option<f64>,
-    /// Share of the section's length on which the amplitude is the whole one. Whether the chip breaks is judged for it.
+    /// Share of the section's length on which the amplitude is the whole one.
     pub full_amplitude_share: f64,
     /// Junctions of blocks inside the section at which the vibration is blended out and in again.
     pub blended_junctions: u64,
@@ -60,8 +61,12 @@ pub struct SectionReport {
     pub chip_spans_not_listed: u64,
     /// Chip breaking along the parts with constant surface speed.
     pub surface_speed: Option<SurfaceSpeedReport>,
-    /// Share of the length cut with a turning spindle on which the chip breaks; `None` when there is none.
+    /// Share of the length cut with a turning spindle on which the chip breaks; `None` when there is none. Under the amplitude
+    /// that the blends at junctions let through; the first and the last blend of the section, which every section has, are
+    /// left out: [`Self::blend`] has them.
     pub broken_share: Option<f64>,
+    /// Where the chip breaks under the amplitude that the blends let through; `None` as published, or without such a cut.
+    pub blend: Option<BlendReport>,
     /// What arrives at the tool.
     pub following: FollowingReport,
     /// Share of the setpoints at which the clamps at the ends of a published vibration act; 0 before setpoints are
@@ -80,6 +85,73 @@ pub struct SectionReport {
     pub feasible: bool,
 }
 
+/// Share of the length that blends at junctions may leave unbroken without a word, as the first and the last blend of every section
+/// do: a chip of some revolutions now and then is no ribbon.
+pub(super) const FEW_JUNCTIONS_SHARE: f64 = 0.01;
+
+/// Where the chip breaks under the amplitude that the blends let through, at the feed overrides of the plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlendReport {
+    /// Share of all of the length cut with a turning spindle on which the chip breaks, with the first and last blend.
+    pub broken_share: f64,
+    /// Share of that length in air, over the revolution before only: older ones may add to it.
+    pub air_share: f64,
+    /// Length of chip at the start of the section until it breaks for certain, whatever the phase, mm.
+    pub unbroken_at_start_mm: f64,
+    /// The same in revolutions.
+    pub unbroken_at_start_rev: f64,
+    /// Length of chip at its end since it last broke for certain, whatever the phase, mm.
+    pub unbroken_at_end_mm: f64,
+    /// The same in revolutions.
+    pub unbroken_at_end_rev: f64,
+    /// Longest other chip between two breaks with blends between them that there can be, whatever the phase of the vibration, mm; 0 where
+    /// there is none.
+    pub longest_unbroken_mm: f64,
+    /// Its revolutions.
+    pub longest_unbroken_rev: f64,
+    /// Line of its start.
+    pub longest_unbroken_line: Option<u32>,
+    /// Length of the longest part of the section between two places without vibration, mm.
+    pub longest_part_mm: f64,
+    /// Length of its blends, mm.
+    pub longest_part_ramp_mm: f64,
+}
+
+impl SectionReport {
+    /// Share of the amplitude that the blends let through to the chip of these cuts at a feed override, over a whole vibration in the
+    /// middle of the longest part: with less than 1, a steady vibration of that share breaks what this one breaks. 1 as published.
+    #[must_use]
+    pub fn reached_share(&self, feed_override: f64) -> f64 {
+        let Some(blend) = &self.blend else { return 1.0 };
+        let of = |span: &ChipSpan| {
+            let feed_mm = span.feed_per_rev_mm / span.feed_override * feed_override;
+            let vibration_mm = feed_mm * span.spindle_rev_per_min / (60.0 * self.condition.frequency_hz);
+            reached_share(blend.longest_part_mm, blend.longest_part_ramp_mm, feed_mm, vibration_mm)
+        };
+        self.chip_spans.iter().map(of).fold(1.0, f64::min)
+    }
+
+    /// Whether the whole amplitude would break the chip, and the blends let through too little for it to break anywhere for certain.
+    #[must_use]
+    pub fn is_kept_whole_by_blends(&self) -> bool {
+        let breaks_when_whole = self.chip_spans.iter().any(|span| span.broken)
+            || self.surface_speed.as_ref().is_some_and(|surface| surface.broken_share > 0.0);
+        breaks_when_whole && self.blend.is_some() && self.broken_share == Some(0.0)
+    }
+
+    /// Where blends at junctions leave at least a revolution of chip unbroken, a closed ring and more, on more than a hundredth of
+    /// the length: the line, and revolutions.
+    #[must_use]
+    pub fn unbroken_between_blends(&self) -> Option<(u32, f64)> {
+        let unbroken_share = 1.0 - self.broken_share?;
+        let counts = |blend: &BlendReport| {
+            blend.longest_unbroken_rev >= 1.0 && self.blended_junctions > 0 && unbroken_share > FEW_JUNCTIONS_SHARE
+        };
+        let blend = self.blend.filter(counts)?;
+        Some((blend.longest_unbroken_line?, blend.longest_unbroken_rev))
+    }
+}
+
 /// Whether the chip breaks at the largest feed override that the machine permits, whatever the plan runs at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OverrideReport {
@@ -87,11 +159,15 @@ pub struct OverrideReport {
     pub max_feed_override: f64,
     /// Share of the length cut with a turning spindle on which the chip breaks at it.
     pub broken_share: f64,
-    /// Least 2A·|sin πD|/f_r at it: the chip breaks everywhere at 1 and above.
+    /// Least 2A·|sin πD|/f_r at it with the share of the amplitude that the blends let through: the chip breaks in every revolution
+    /// between them at 1 and above.
     pub breaking_margin: f64,
+    /// The whole amplitude would break the chip everywhere at it, and the blends leave parts unbroken.
+    pub blends_decide: bool,
     /// Line of the cut that is furthest from breaking.
     pub line: u32,
-    /// Largest feed override at which the chip still breaks everywhere, as a factor; `None` where none does.
+    /// Largest feed override at which the chip still breaks everywhere, as a factor; `None` where none does, or where blends and
+    /// not the feed decide it.
     pub largest_breaking_override: Option<f64>,
     /// Feed of that cut at that override, mm/rev.
     pub largest_breaking_feed_per_rev_mm: Option<f64>,
@@ -165,6 +241,8 @@ pub struct AxisLoadReport {
     pub jerk_per_s3: f64,
     /// Limit of the jerk, per s³, likewise.
     pub max_jerk_per_s3: f64,
+    /// A limit is what the planner leaves on a curve, less than the axis' own.
+    pub limited_on_curve: bool,
     /// The largest of the three ratios to their limits; above 1 the axis cannot follow.
     pub utilisation: f64,
 }
@@ -190,8 +268,8 @@ pub struct ChipSpan {
     pub spindle_rev_per_min: f64,
     /// D.
     pub vibrations_per_rev: f64,
-    /// 2A·|sin πD|/f_r: the chip breaks at 1 and above.
+    /// 2A·|sin πD|/f_r with the whole amplitude: the chip breaks at 1 and above.
     pub breaking_margin: f64,
-    /// Whether the chip breaks.
+    /// Whether the chip breaks with the whole amplitude.
     pub broken: bool,
 }

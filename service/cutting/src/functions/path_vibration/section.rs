@@ -153,6 +153,7 @@ impl SectionAnalyzer {
         self.parts.ramp_mm = self.settings.ramp_mm(self.condition, feed_mm_per_s);
         let [longest, ramp] = [self.parts.longest_ramp_mm, self.parts.ramp_mm];
         self.parts.longest_ramp_mm = longest.into_iter().chain(ramp).reduce(f64::max);
+        self.chips.start_part(self.length_mm, self.parts.ramp_mm, feed_mm_per_s);
         self.loads.start_part(feed_mm_per_s);
     }
 
@@ -287,7 +288,7 @@ impl SectionAnalyzer {
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
         let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
         let reach_mm = amplitude_mm * self.settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
-        let ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted, trial: cuts } =
+        let ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted, blend, trial: cuts } =
             self.chips.finish(self.length_mm);
         let following_is_stated = self.following.is_some();
         let following =
@@ -328,6 +329,7 @@ impl SectionAnalyzer {
             chip_spans_not_listed: spans_not_listed,
             surface_speed,
             broken_share,
+            blend,
             following,
             clamped_share: if total_samples > 0 { clamped_samples as f64 / total_samples as f64 } else { 0.0 },
             largest_amplitude_mm: self.loads.largest_amplitude_mm,

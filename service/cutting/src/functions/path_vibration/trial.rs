@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use feedwave_motion::Quantity;
 
 use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, reaches_through};
+use super::chip_blend::{LongestPart, reached_share, whole_from_mm};
 use super::chip_course::{Following, Piece};
 use super::loads::AxisLoads;
 use super::{GenerationMode, VibrationCondition, VibrationSettings};
@@ -22,6 +23,8 @@ const MAX_CUTS: usize = 64;
 const MAX_SPANS: usize = 256;
 /// Steps in which a following amplitude that breaks the chip is approached.
 const AMPLITUDE_STEPS: usize = 8;
+/// Smaller amplitudes that are tried, in equal steps.
+const SMALLER_AMPLITUDES: u32 = 32;
 /// Decimals of an amplitude in mm.
 const AMPLITUDE_PLACES: usize = 4;
 /// What its last decimal stands for, mm.
@@ -160,15 +163,28 @@ impl Trial {
     }
 
     /// Smallest amplitude, in steps of 0.1 µm as it is written, that breaks the chip everywhere with the frequency and spindle
-    /// speed of `tried`; `None` where none does, or it is not known.
+    /// speed of `tried`: above that of `tried`, or where none is or may be there, below it. `None` where none does, or it is not known.
     pub(super) fn least_amplitude_mm(&self, tried: Tried, in_word: impl Fn(f64) -> f64) -> Option<f64> {
-        let (mut from_mm, mut last_mm) = (tried.condition.amplitude_mm, 0.0);
         let with = |amplitude_mm: f64| {
-            let condition = VibrationCondition { amplitude_mm, ..tried.condition };
+            let condition = VibrationCondition { amplitude_mm: in_word(amplitude_mm), ..tried.condition };
             Tried { condition, ..tried }
         };
+        let larger_mm = self.larger_amplitude_mm(tried, with);
+        if larger_mm.is_some_and(|mm| self.refusal(with(mm)).is_none()) {
+            return larger_mm;
+        }
+        // In a short part a larger amplitude has longer blends, which may let less of it through.
+        let shares = (1..SMALLER_AMPLITUDES).map(|step| f64::from(step) / f64::from(SMALLER_AMPLITUDES));
+        let mut smaller_mm = shares.map(|share| round_up(tried.condition.amplitude_mm * share, AMPLITUDE_PLACES));
+        smaller_mm.find(|mm| self.objection(with(*mm)).is_none()).or(larger_mm)
+    }
+
+    /// The same, from that of `tried` on.
+    fn larger_amplitude_mm(&self, tried: Tried, with: impl Fn(f64) -> Tried) -> Option<f64> {
+        let (mut from_mm, mut last_mm) = (tried.condition.amplitude_mm, 0.0);
         for _ in 0..AMPLITUDE_STEPS {
-            let margin = self.cuts.worst(with(from_mm), &self.settings)?.margin;
+            let condition = VibrationCondition { amplitude_mm: from_mm, ..tried.condition };
+            let margin = self.cuts.worst(Tried { condition, ..tried }, &self.settings)?.margin;
             let mut amplitude_mm = round_up(from_mm / margin, AMPLITUDE_PLACES);
             if !(amplitude_mm > 0.0 && amplitude_mm.is_finite()) {
                 return None;
@@ -177,12 +193,18 @@ impl Trial {
                 amplitude_mm = round_up(last_mm + 0.5 * AMPLITUDE_STEP_MM, AMPLITUDE_PLACES);
             }
             // A word in inches is a little more or less.
-            if self.cuts.objection(with(in_word(amplitude_mm)), &self.settings).is_none() {
+            if self.cuts.objection(with(amplitude_mm), &self.settings).is_none() {
                 return Some(amplitude_mm);
             }
             (from_mm, last_mm) = (amplitude_mm, amplitude_mm);
         }
         None
+    }
+
+    /// Length from which on a part of the section breaks the chip with the vibration as programmed, mm, at every permitted feed
+    /// override; `None` where no length does.
+    pub(super) fn breaking_from_mm(&self) -> Option<f64> {
+        self.cuts.breaking_from_mm(self.condition, &self.settings)
     }
 
     /// Least 2A·|sin πD|/f_r at every permitted feed override.
@@ -207,6 +229,8 @@ pub(super) struct TrialCuts {
     /// There are more than are kept.
     is_incomplete: bool,
     top_override: f64,
+    /// `None` as published.
+    longest_part: Option<LongestPart>,
 }
 
 /// Cuts at one spindle speed and override: the fastest.
@@ -218,6 +242,25 @@ struct TrialCut {
     feed_override: f64,
 }
 
+impl TrialCut {
+    /// The cut with another vibration or at another spindle speed, at its override.
+    fn tried(&self, tried: Tried, following: Following) -> CutCondition {
+        let spindle_rev_per_min = tried.spindle_rev_per_min.unwrap_or(self.spindle_rev_per_min);
+        let feed_per_rev_mm = match self.feed {
+            SpanFeed::PerRevolution(mm) => mm,
+            SpanFeed::PerMinute(mm) => mm / spindle_rev_per_min,
+        };
+        CutCondition {
+            feed_per_rev_mm: feed_per_rev_mm * self.feed_override,
+            amplitude_mm: tried.condition.amplitude_mm * following.ratio_at(self.feed_override),
+            frequency_hz: tried.condition.frequency_hz,
+            spindle_rev_per_min,
+            diameter_mm: 0.0,
+            feed_coupling: FeedCoupling::PerRevolution,
+        }
+    }
+}
+
 /// The cut that would be furthest from breaking.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TriedCut {
@@ -227,6 +270,32 @@ pub(super) struct TriedCut {
 }
 
 impl TrialCuts {
+    /// The longest part of the section between two places without vibration.
+    pub(super) fn is_divided(&mut self, longest_part: Option<LongestPart>) {
+        self.longest_part = longest_part;
+    }
+
+    /// Share of the amplitude that the blends let through to the chip.
+    fn reached_share(&self, tried: Tried, settings: &VibrationSettings, cut: &CutCondition) -> f64 {
+        let Some(LongestPart { length_mm, feed_mm_per_s, .. }) = self.longest_part else { return 1.0 };
+        let [_, faster] = tried.spindle_rev_per_min.map_or([1.0; 2], |speed| self.feed_ratios(speed));
+        let Some(ramp_mm) = settings.ramp_mm(tried.condition, feed_mm_per_s * faster) else { return 1.0 };
+        reached_share(length_mm, ramp_mm, cut.feed_per_rev_mm, cut.vibration_mm())
+    }
+
+    /// Length from which on a part of the section lets the whole amplitude through, mm, where that breaks every one of these cuts;
+    /// `None` where it does not, or as published.
+    fn breaking_from_mm(&self, condition: VibrationCondition, settings: &VibrationSettings) -> Option<f64> {
+        let ramp_mm = settings.ramp_mm(condition, self.longest_part?.feed_mm_per_s)?;
+        let (programmed, following) =
+            (Tried { condition, spindle_rev_per_min: None }, Following::of(condition, settings));
+        let is_judged = !self.is_incomplete && self.surface.is_empty();
+        let cuts = self.constant.iter().filter(|_| is_judged).map(|cut| cut.tried(programmed, following));
+        let lengths_mm =
+            cuts.map(|cut| cut.breaks_chip().then(|| whole_from_mm(ramp_mm, cut.feed_per_rev_mm, cut.vibration_mm())));
+        lengths_mm.collect::<Option<Vec<_>>>()?.into_iter().reduce(f64::max)
+    }
+
     /// Adds a piece at the programmed feed that is cut at an override.
     pub(super) fn add(&mut self, piece: &Piece, feed_override: f64) {
         match *piece {
@@ -277,25 +346,17 @@ impl TrialCuts {
         let VibrationCondition { frequency_hz, amplitude_mm } = tried.condition;
         let following = Following::of(tried.condition, settings);
         let constant = self.constant.iter().map(|cut| {
-            let spindle_rev_per_min = tried.spindle_rev_per_min.unwrap_or(cut.spindle_rev_per_min);
-            let feed_per_rev_mm = match cut.feed {
-                SpanFeed::PerRevolution(mm) => mm,
-                SpanFeed::PerMinute(mm) => mm / spindle_rev_per_min,
-            };
-            let tried = CutCondition {
-                feed_per_rev_mm: feed_per_rev_mm * cut.feed_override,
-                amplitude_mm: amplitude_mm * following.ratio_at(cut.feed_override),
-                frequency_hz,
-                spindle_rev_per_min,
-                diameter_mm: 0.0,
-                feed_coupling: FeedCoupling::PerRevolution,
-            };
-            TriedCut { margin: tried.breaking_margin(), line: cut.line, feed_override: cut.feed_override }
+            let with = cut.tried(tried, following);
+            let margin = with.breaking_margin() * self.reached_share(tried, settings, &with);
+            TriedCut { margin, line: cut.line, feed_override: cut.feed_override }
         });
         let surface = self.surface.iter().filter_map(|&(span, feed_override)| {
-            let tried = Piece::Surface(LinearSpan { frequency_hz, amplitude_mm, ..span }).at(feed_override, following);
-            let Piece::Surface(span) = tried else { return None };
-            span.worst_cut().map(|(margin, _)| TriedCut { margin, line: span.line, feed_override })
+            let with = Piece::Surface(LinearSpan { frequency_hz, amplitude_mm, ..span }).at(feed_override, following);
+            let Piece::Surface(span) = with else { return None };
+            span.worst_cut().map(|(margin, cut)| {
+                let margin = margin * self.reached_share(tried, settings, &cut);
+                TriedCut { margin, line: span.line, feed_override }
+            })
         });
         constant.chain(surface).min_by(|a, b| a.margin.total_cmp(&b.margin))
     }

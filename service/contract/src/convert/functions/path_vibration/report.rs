@@ -1,8 +1,8 @@
 //! What is said about sections with vibration along the path, for the contract.
 
 use feedwave_cutting::{
-    AxisFollowing, AxisLoadReport, ChipReport, ChipSpan, FeedCoupling, FollowingContour, FollowingReport, Nearest,
-    OverrideReport, PublishedEnds, SectionReport, SurfaceSpeedReport, UnbrokenSpan,
+    AxisFollowing, AxisLoadReport, BlendReport, ChipReport, ChipSpan, FeedCoupling, FollowingContour, FollowingReport,
+    Nearest, OverrideReport, PublishedEnds, SectionReport, SurfaceSpeedReport, UnbrokenSpan,
 };
 
 use super::{generation_mode_to_proto, vibration_envelope_to_proto};
@@ -49,6 +49,22 @@ pub(super) fn section_to_proto(section: &SectionReport) -> proto::SectionReport 
         full_amplitude_share: section.full_amplitude_share,
         blended_junctions: section.blended_junctions,
         published_ends: section.published_ends.as_ref().map(published_ends),
+        blend: section.blend.as_ref().map(blend_report),
+    }
+}
+
+const fn blend_report(report: &BlendReport) -> proto::BlendReport {
+    proto::BlendReport {
+        broken_share: report.broken_share,
+        air_share: report.air_share,
+        unbroken_at_start_mm: report.unbroken_at_start_mm,
+        unbroken_at_start_rev: report.unbroken_at_start_rev,
+        unbroken_at_end_mm: report.unbroken_at_end_mm,
+        unbroken_at_end_rev: report.unbroken_at_end_rev,
+        longest_unbroken_mm: report.longest_unbroken_mm,
+        longest_unbroken_rev: report.longest_unbroken_rev,
+        longest_unbroken_line: report.longest_unbroken_line,
+        longest_part_mm: report.longest_part_mm,
     }
 }
 
@@ -94,6 +110,7 @@ fn axis_load(axis: &AxisLoadReport) -> proto::AxisLoadReport {
         jerk_per_s3: axis.jerk_per_s3,
         max_jerk_per_s3: axis.max_jerk_per_s3,
         utilisation: axis.utilisation,
+        limited_on_curve: axis.limited_on_curve,
         rotary: axis.rotary,
     }
 }

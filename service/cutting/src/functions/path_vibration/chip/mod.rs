@@ -128,6 +128,11 @@ impl CutCondition {
         60.0 * self.frequency_hz / self.spindle_rev_per_min
     }
 
+    /// Length of path of one vibration, f_r/D, mm.
+    pub(crate) fn vibration_mm(&self) -> f64 {
+        self.feed_per_rev_mm / self.vibrations_per_rev()
+    }
+
     /// How far beyond breaking the cut is: 2A·|sin πD|/f_r. The chip breaks at 1 and above; 0 at integer D and for
     /// a condition that is not [valid](Self::is_valid).
     #[must_use]
