@@ -57,7 +57,9 @@ def test_a_fixed_program_is_valid(client):
 
 def test_a_program_is_improved_with_reasons_and_gains(client):
     improvement = client.improve(TRAP, machine="lathe")
-    assert improvement.holds and improvement.after.ok and improvement.after.sections[0].broken_share == 1.0
+    assert improvement.holds and improvement.after.ok
+    # The vibration is blended out and in at its corner.
+    assert 0.998 < improvement.after.sections[0].broken_share < 1.0
     assert [(change.old, change.new) for change in improvement.changes] == [("F50", "F41.65")]
     assert improvement.program.text == TRAP.read_text().replace("F50 A0.03", "F41.65 A0.03")
     changed = [line for line in improvement.diff().splitlines() if line[0] in "+-"]
