@@ -513,8 +513,8 @@ impl Block {
         let &Code { group, meaning, .. } = table.code(place);
         if let Meaning::Unsupported(what) = meaning {
             self.report_unsupported_code(token, what, findings);
-        } else if let Meaning::OfOtherSystem(what) = meaning {
-            return self.report_code_of_other_system(token, what, findings);
+        } else if let Meaning::OfOtherSystem { what, systems, here } = meaning {
+            return self.report_code_of_other_system(token, (what, systems, here), findings);
         } else if meaning == Meaning::VariableLead {
             self.report_variable_lead(token, findings);
         }

@@ -5,7 +5,7 @@ use crate::code;
 use crate::dialect::{CodeTable, Group, letter_bit};
 use crate::lexer::{Token, TokenKind};
 use crate::lookalike::Stretch;
-use crate::{Finding, FindingCode, FindingLog};
+use crate::{Finding, FindingCode, FindingLog, GCodeSystem};
 
 /// The cure for something inside a word.
 const AGAIN: &str = "write this word again, and check its number: without it, another number would be left";
@@ -48,19 +48,27 @@ impl Block {
     }
 
     #[cold]
-    pub(super) fn report_code_of_other_system(&mut self, token: Token, what: &str, findings: &mut FindingLog) {
+    pub(super) fn report_code_of_other_system(
+        &mut self,
+        token: Token,
+        (what, systems, here): (&str, &[GCodeSystem], &str),
+        findings: &mut FindingLog,
+    ) {
         // What follows would be read as the codes of a system that the program is not written in.
         self.has_failed = true;
+        let names: Vec<_> = systems.iter().map(|system| format!("{system:?}")).collect();
+        let plural = if names.len() > 1 { "s" } else { "" };
         self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
-            finding.message = format!("{} is {what}: what follows is not read", name(token));
-            let system = match (what.contains("system C "), what.contains("system B "), what.contains("system A ")) {
-                (true, false, false) => "G_CODE_SYSTEM_C",
-                (false, true, false) => "G_CODE_SYSTEM_B",
-                (false, false, true) => "G_CODE_SYSTEM_A",
-                _ => "G_CODE_SYSTEM_B or G_CODE_SYSTEM_C",
-            };
+            finding.message = format!(
+                "{} is {what} of G-code system{plural} {} (in {here}): what follows is not read",
+                name(token),
+                names.join(" and ")
+            );
             finding
-                .suggest(format!("where the program is written in that system, set language.g_code_system of the machine profile to {system}"))
+                .suggest(format!(
+                    "where the program is written in that system, set language.g_code_system of the machine profile to G_CODE_SYSTEM_{}",
+                    names.join(" or G_CODE_SYSTEM_")
+                ))
                 .suggest("where it is not, write the code of the system that the machine profile names")
         });
     }

@@ -4,6 +4,7 @@ use super::tables::{
     COMMON_LETTERS, FANUC_G_CODES, FANUC_M_CODES, FANUC_M_CODES_IN_A_BLOCK, code, doubtful, with_letters,
 };
 use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
+use crate::GCodeSystem::{A, B, C};
 use crate::state::{Pockets, TurningCycle};
 use crate::{Axis, DialectName, GCodeSystem, LanguageSettings, expression, parameters};
 
@@ -162,9 +163,9 @@ const LATHE_G_CODES: &[Code] = &[
 /// count.
 pub(super) fn system_codes(settings: &LanguageSettings) -> &'static [Code] {
     match (settings.dialect, settings.g_code_system) {
-        (DialectName::Lathe, Some(GCodeSystem::A)) => SYSTEM_A,
-        (DialectName::Lathe, Some(GCodeSystem::B)) => SYSTEM_B,
-        (DialectName::Lathe, Some(GCodeSystem::C)) => SYSTEM_C,
+        (DialectName::Lathe, Some(A)) => SYSTEM_A,
+        (DialectName::Lathe, Some(B)) => SYSTEM_B,
+        (DialectName::Lathe, Some(C)) => SYSTEM_C,
         _ => &[],
     }
 }
@@ -176,33 +177,30 @@ const FACE: Meaning = Meaning::Turning(TurningCycle::Face(Pockets::All));
 const SINGLE_TURN: Meaning = Meaning::Turning(TurningCycle::SingleTurn);
 const SINGLE_FACE: Meaning = Meaning::Turning(TurningCycle::SingleFace);
 
+/// A code of other G-code systems, which the lathe's own writes as `here` says.
+const fn of_other(what: &'static str, systems: &'static [GCodeSystem], here: &'static str) -> Meaning {
+    Meaning::OfOtherSystem { what, systems, here }
+}
+
 const SYSTEM_A: &[Code] = &[
     code(200, Group::Units, INCH),
     code(210, Group::Units, MILLIMETRE),
-    code(240, Group::Motion, Meaning::OfOtherSystem("the facing cycle of G-code system C (in A G94)")),
-    code(770, Group::Motion, Meaning::OfOtherSystem("the turning cycle of G-code system B (in A G90)")),
-    code(780, Group::Motion, Meaning::OfOtherSystem("the threading cycle of G-code system B (in A G92)")),
-    code(790, Group::Motion, Meaning::OfOtherSystem("the facing cycle of G-code system B (in A G94)")),
+    code(240, Group::Motion, of_other("the facing cycle", &[C], "A G94")),
+    code(770, Group::Motion, of_other("the turning cycle", &[B], "A G90")),
+    code(780, Group::Motion, of_other("the threading cycle", &[B], "A G92")),
+    code(790, Group::Motion, of_other("the facing cycle", &[B], "A G94")),
     code(900, Group::Motion, SINGLE_TURN),
-    code(
-        910,
-        Group::Distance,
-        Meaning::OfOtherSystem("the incremental mode of G-code systems B and C (in A words U and W)"),
-    ),
+    code(910, Group::Distance, of_other("the incremental mode", &[B, C], "A words U and W")),
     code(940, Group::Motion, SINGLE_FACE),
-    code(950, Group::FeedUnit, Meaning::OfOtherSystem("the feed per revolution of G-code systems B and C (in A G99)")),
+    code(950, Group::FeedUnit, of_other("the feed per revolution", &[B, C], "A G99")),
 ];
 
 const SYSTEM_B: &[Code] = &[
     code(200, Group::Units, INCH),
     code(210, Group::Units, MILLIMETRE),
-    code(240, Group::Motion, Meaning::OfOtherSystem("the facing cycle of G-code system C (in B G79)")),
-    code(500, Group::NonModal, Meaning::OfOtherSystem("the speed clamp of G-code system A (in B G92)")),
-    code(
-        503,
-        Group::NonModal,
-        Meaning::OfOtherSystem("the preset of coordinates of G-code system A (in B and C G92.1)"),
-    ),
+    code(240, Group::Motion, of_other("the facing cycle", &[C], "B G79")),
+    code(500, Group::NonModal, of_other("the speed clamp", &[A], "B G92")),
+    code(503, Group::NonModal, of_other("the preset of coordinates", &[A], "B and C G92.1")),
     code(770, Group::Motion, SINGLE_TURN),
     code(780, Group::Motion, Meaning::ThreadCycle),
     code(790, Group::Motion, SINGLE_FACE),
@@ -218,12 +216,8 @@ const SYSTEM_C: &[Code] = &[
     code(200, Group::Motion, SINGLE_TURN),
     code(210, Group::Motion, Meaning::ThreadCycle),
     code(240, Group::Motion, SINGLE_FACE),
-    code(500, Group::NonModal, Meaning::OfOtherSystem("the speed clamp of G-code system A (in C G92)")),
-    code(
-        503,
-        Group::NonModal,
-        Meaning::OfOtherSystem("the preset of coordinates of G-code system A (in B and C G92.1)"),
-    ),
+    code(500, Group::NonModal, of_other("the speed clamp", &[A], "C G92")),
+    code(503, Group::NonModal, of_other("the preset of coordinates", &[A], "B and C G92.1")),
     code(700, Group::Units, INCH),
     code(710, Group::Units, MILLIMETRE),
     code(720, Group::Motion, Meaning::Turning(TurningCycle::Finish)),
@@ -233,7 +227,7 @@ const SYSTEM_C: &[Code] = &[
     code(760, Group::Motion, Meaning::Turning(TurningCycle::FaceGroove)),
     code(770, Group::Motion, Meaning::Turning(TurningCycle::Groove)),
     code(780, Group::Motion, Meaning::ThreadCycles),
-    code(790, Group::Motion, Meaning::OfOtherSystem("the facing cycle of G-code system B (in C G24)")),
+    code(790, Group::Motion, of_other("the facing cycle", &[B], "C G24")),
     code(900, Group::Distance, Meaning::Distance { absolute: true }),
     code(920, Group::NonModal, Meaning::SpeedClamp),
     code(921, Group::NonModal, Meaning::Preset),

@@ -1,7 +1,7 @@
 //! What a code can be: its modal group and what it does.
 
 use crate::state::{BoltPattern, Cycle, TurningCycle};
-use crate::{Function, PathControlMode, Plane, WorkSystem, XWord};
+use crate::{Function, GCodeSystem, PathControlMode, Plane, WorkSystem, XWord};
 
 /// A modal group: a block may hold at most one code of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -237,8 +237,12 @@ pub(crate) enum Meaning {
     Turning(TurningCycle),
     /// A cycle whose meaning depends on the G-code system of the lathe, which the profile does not name: what it is in which.
     OfNoSystem(&'static str),
-    /// A code of another G-code system than the lathe's: what it is there.
-    OfOtherSystem(&'static str),
+    /// A code of other G-code systems than the lathe's: what it is there, which they are, and how the lathe's own system writes it.
+    OfOtherSystem {
+        what: &'static str,
+        systems: &'static [GCodeSystem],
+        here: &'static str,
+    },
     /// A drilling, boring or tapping cycle.
     Drill(Cycle),
     /// `G70` to `G72` of Haas mills: the cycle in force at holes in a pattern.
@@ -292,12 +296,12 @@ impl Meaning {
     /// Whether the parser has something to do with it beside noting its place: it is refused, or the line ends differently.
     #[inline]
     pub(crate) const fn concerns_parser(self) -> bool {
-        matches!(self, Self::Unsupported(_) | Self::OfOtherSystem(_) | Self::VariableLead | Self::MacroCall { .. })
+        matches!(self, Self::Unsupported(_) | Self::OfOtherSystem { .. } | Self::VariableLead | Self::MacroCall { .. })
     }
 
     /// Whether the code is of this dialect and does what it says.
     pub(super) const fn is_carried_out(self) -> bool {
-        !matches!(self, Self::Unsupported(_) | Self::VariableLead | Self::OfNoSystem(_) | Self::OfOtherSystem(_))
+        !matches!(self, Self::Unsupported(_) | Self::VariableLead | Self::OfNoSystem(_) | Self::OfOtherSystem { .. })
     }
 }
 

@@ -16,6 +16,8 @@
 use core::f64::consts::PI;
 use std::collections::VecDeque;
 
+use smallvec::SmallVec;
+
 use super::chip::{CutCondition, reaches_through};
 use super::chip_course::{Piece, WorstCut};
 use super::report::BlendReport;
@@ -135,8 +137,8 @@ impl Parts {
 
     /// Where a stretch of path has to be gone through in steps, because the amplitude is not whole there or was not a revolution
     /// before; and the step.
-    fn blended(&self, [from_mm, to_mm]: [f64; 2], feed_mm: f64) -> Vec<([f64; 2], f64)> {
-        let mut zones: Vec<([f64; 2], f64)> = Vec::new();
+    fn blended(&self, [from_mm, to_mm]: [f64; 2], feed_mm: f64) -> SmallVec<[([f64; 2], f64); 8]> {
+        let mut zones = SmallVec::new();
         let is_here = |part: &&Part| part.start_mm < to_mm && part.end_mm.is_none_or(|end_mm| end_mm > from_mm);
         for part in self.parts.iter().filter(is_here) {
             let end_mm = part.end_mm.unwrap_or(f64::INFINITY);

@@ -148,11 +148,6 @@ impl Interpreter {
         findings: &mut FindingLog,
         fill: impl FnOnce(Finding) -> (String, Finding),
     ) -> Progress {
-        findings.push_with(code::LOOP, |code| {
-            let (message, mut finding) = fill(Finding::new(code, pending.span, ""));
-            finding.message = message;
-            finding
-        });
-        Progress::Failed
+        self.refuse(code::LOOP, pending, findings, fill)
     }
 }

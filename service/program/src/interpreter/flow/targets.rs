@@ -8,7 +8,7 @@ use super::{
 };
 use crate::code;
 use crate::dialect::Flow;
-use crate::{Finding, FindingLog, Place};
+use crate::{Finding, FindingCode, FindingLog, Place};
 
 /// Most loops of Macro B that may be open within each other.
 const MAX_MACRO_LOOPS: usize = 3;
@@ -88,7 +88,19 @@ impl Interpreter {
         findings: &mut FindingLog,
         fill: impl FnOnce(Finding) -> (String, Finding),
     ) -> Progress {
-        findings.push_with(code::JUMP_TARGET, |code| {
+        self.refuse(code::JUMP_TARGET, pending, findings, fill)
+    }
+
+    /// An error of this code on what is waiting, whose message and further parts `fill` gives.
+    #[cold]
+    pub(super) fn refuse(
+        &self,
+        code: FindingCode,
+        pending: &Pending,
+        findings: &mut FindingLog,
+        fill: impl FnOnce(Finding) -> (String, Finding),
+    ) -> Progress {
+        findings.push_with(code, |code| {
             let (message, mut finding) = fill(Finding::new(code, pending.span, ""));
             finding.message = message;
             finding
