@@ -113,6 +113,10 @@ pub(crate) struct Block {
     pub(crate) comment: (u32, u32),
     /// An expression could not be evaluated, so that the program cannot go on.
     pub(crate) has_failed: bool,
+    /// Codes that the profile replaces by a call are what they are without it, as the program was called by such a code.
+    keeps_codes: bool,
+    /// What calls a program stands in the place of a code.
+    pub(crate) calls_by_code: bool,
 }
 
 impl Default for Block {
@@ -136,6 +140,8 @@ impl Default for Block {
             assignments: Vec::new(),
             comment: (0, 0),
             has_failed: false,
+            keeps_codes: false,
+            calls_by_code: false,
         }
     }
 }
@@ -157,6 +163,7 @@ impl Block {
     ) {
         (self.program, self.line) = (program, line_number);
         self.clear();
+        self.keeps_codes = table.has_replacements() && system.state.flow.is_called_by_code();
         let at = self.parse_words(line, table, findings);
         if at < line.len() {
             self.parse_others(at, line, table, block_delete, system, findings, mark);
@@ -323,6 +330,7 @@ impl Block {
         self.assignments.clear();
         self.comment = (0, 0);
         self.has_failed = false;
+        self.calls_by_code = false;
     }
 
     /// Whether there is more than words: an assignment, a comment that may be active, or a failure.
@@ -334,6 +342,12 @@ impl Block {
     /// Whether no word was read but a line number.
     const fn is_labelled_only(&self) -> bool {
         self.letters & !letter_bit(b'N') == 0 && !self.has_codes()
+    }
+
+    /// Whether a block with a macro call has words or other codes before it, beside a line number.
+    pub(crate) fn has_words_before_call(&self) -> bool {
+        let of_replacement = if self.calls_by_code { letter_bit(b'P') | letter_bit(b'L') } else { 0 };
+        self.letters & !(letter_bit(b'N') | of_replacement) != 0 || !self.has_only(Group::MacroCall)
     }
 
     /// Whether there is any word at all.
@@ -504,10 +518,42 @@ impl Block {
 
     #[inline]
     fn add_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
-        if token.letter == b'M' && self.add_machine_code(token, table, findings) {
+        let place = table.find(token.letter, token.number.value());
+        if let Some(place) = place
+            && let Meaning::Replaced(replaced) = table.code(place).meaning
+        {
+            return self.add_replacement(token, replaced, table, findings);
+        }
+        self.add_code_at(token, place, table, findings);
+    }
+
+    /// Adds the words that the profile has in the place of a code, each where the code stands.
+    #[cold]
+    fn add_replacement(&mut self, token: Token, replaced: u8, table: &CodeTable, findings: &mut FindingLog) {
+        let replacement = table.replacement(replaced);
+        if replacement.calls && self.keeps_codes {
+            return self.add_code_at(token, replacement.original, table, findings);
+        }
+        self.calls_by_code |= replacement.calls;
+        for &(letter, number) in &replacement.words {
+            let word = Token { letter, number, ..token };
+            match letter {
+                b'G' | b'M' => {
+                    let place = table.find_original(letter, number.value());
+                    self.add_code_at(word, place, table, findings);
+                }
+                _ => self.add_word(word, table, findings),
+            }
+        }
+    }
+
+    /// Adds a code that is at this place of the table, if it is there.
+    #[inline]
+    fn add_code_at(&mut self, token: Token, place: Option<u8>, table: &CodeTable, findings: &mut FindingLog) {
+        if token.letter == b'M' && self.add_machine_code(token, place, table, findings) {
             return;
         }
-        let Some(place) = table.find(token.letter, token.number.value()) else {
+        let Some(place) = place else {
             return self.report_unknown_code(token, table, findings);
         };
         let &Code { group, meaning, .. } = table.code(place);

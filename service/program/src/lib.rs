@@ -8,6 +8,7 @@
 mod axis;
 mod block;
 pub mod code;
+mod code_replacement;
 mod compensation;
 mod consequence;
 mod coordinates;
@@ -32,6 +33,7 @@ mod state;
 mod tool_table;
 
 pub use axis::{AXIS_COUNT, Axis, Plane, Position};
+pub use code_replacement::{CodeReplacement, code_replacement_problems};
 pub use compensation::{
     CompensationCommand, CompensationCorner, CompensationEntry, CompensationMode, CompensationRules, Compensator,
 };

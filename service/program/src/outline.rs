@@ -4,6 +4,7 @@
 use crate::dialect::{CodeTable, Flow, Letter, Meaning};
 use crate::interpreter::{Statement, called_program, classify, digits, find_line_end, name};
 use crate::lexer::{Lexer, Token, TokenKind};
+use crate::number::Number;
 use crate::state::TurningCycle;
 use crate::{Function, LanguageSettings, SourceSpan};
 
@@ -374,6 +375,7 @@ impl Vocabulary {
         match meaning {
             Meaning::Function { .. } | Meaning::FunctionSwitch(_) => WordRole::Function,
             Meaning::Call | Meaning::LocalCall | Meaning::MacroCall { .. } | Meaning::Return => WordRole::Call,
+            Meaning::Replaced(place) if self.table.replacement(place).calls => WordRole::Call,
             Meaning::Rapid | Meaning::Linear | Meaning::Arc { .. } | Meaning::Turning(_) => WordRole::Motion,
             _ => WordRole::Code,
         }
@@ -426,6 +428,13 @@ impl Vocabulary {
             }
         };
         match self.meaning(code) {
+            Some(Meaning::Replaced(replaced)) => {
+                let words = self.table.replacement(replaced).words.iter();
+                let token = |&(letter, number): &(u8, Number)| Token { letter, number, ..*code };
+                let within = Block { words: words.map(token).collect() };
+                let calls = within.codes().filter(|code| !matches!(self.meaning(code), Some(Meaning::Replaced(_))));
+                calls.for_each(|call| self.targets_of(call, &within, targets));
+            }
             Some(Meaning::LocalCall) => add(b'P', &Target::Label),
             Some(Meaning::MacroCall { .. }) => add(b'P', &|number| Target::Program { number, label: None }),
             Some(Meaning::Call) => {

@@ -13,7 +13,8 @@ pub(crate) use self::turning::ESCAPE_MM;
 pub use self::turning::{GCodeSystem, TurningSettings};
 
 use crate::{
-    CompensationCorner, CompensationEntry, InitialParameters, MachineCode, PathControl, Position, UnlistedMachineCodes,
+    CodeReplacement, CompensationCorner, CompensationEntry, InitialParameters, MachineCode, PathControl, Position,
+    UnlistedMachineCodes,
 };
 
 /// Which table of codes a program is read with.
@@ -209,6 +210,8 @@ pub struct LanguageSettings {
     pub machine_codes: Vec<MachineCode>,
     /// M codes that neither the dialect nor `machine_codes` lists.
     pub unlisted_machine_codes: UnlistedMachineCodes,
+    /// Codes that the machine replaces by other words.
+    pub code_replacements: Vec<CodeReplacement>,
     /// What a wait for an input (`M66` of LinuxCNC, #5399) is taken to bring: -1 for a time that ran out.
     pub input_result: f64,
     /// Code of vibration in threads.
@@ -269,6 +272,7 @@ impl Default for LanguageSettings {
             thinning: None,
             machine_codes: Vec::new(),
             unlisted_machine_codes: UnlistedMachineCodes::Note,
+            code_replacements: Vec::new(),
             input_result: -1.0,
             thread_vibration: FunctionSwitch { code: 165.0, on_p: 3, off_p: 0 },
             thread_e_word: ThreadEWord::ThreadsPerInch,

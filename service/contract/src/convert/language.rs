@@ -9,7 +9,9 @@ use feedwave_program::{
 
 use super::drilling::{drilling_from_proto, drilling_to_proto};
 use super::functions;
-use super::machine_codes::{machine_code_to_proto, machine_codes_from_proto};
+use super::machine_codes::{
+    code_replacement_from_proto, code_replacement_to_proto, machine_code_to_proto, machine_codes_from_proto,
+};
 use super::offsets::{apply_offsets, check_offsets, coordinates_from_proto, coordinates_to_proto, offsets_to_proto};
 use super::parameters::{parameters_from_proto, parameters_to_proto};
 use crate::convert::enumeration;
@@ -89,6 +91,7 @@ pub(super) fn language_from_proto(
     let mut language = LanguageSettings {
         dialect,
         machine_codes: machine_codes_from_proto(violations, &given.machine_codes).unwrap_or_default(),
+        code_replacements: given.code_replacements.iter().map(code_replacement_from_proto).collect(),
         contour_tolerances_mm: contour_tolerances(
             violations,
             &given.contour_tolerances_mm,
@@ -182,6 +185,7 @@ pub(super) fn language_to_proto(language: &LanguageSettings) -> proto::LanguageS
         default_path_tolerance_mm: Some(language.default_path_tolerance_mm),
         thread_e_word: language.thread_e_word.message().into(),
         machine_codes: language.machine_codes.iter().map(machine_code_to_proto).collect(),
+        code_replacements: language.code_replacements.iter().map(code_replacement_to_proto).collect(),
         program_number_digits: Some(language.program_number_digits),
         max_executed_blocks: Some(language.max_executed_blocks),
         max_still_blocks: Some(language.max_still_blocks),

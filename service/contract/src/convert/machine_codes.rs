@@ -1,6 +1,6 @@
 //! M codes of a machine, to and from the contract.
 
-use feedwave_program::{MachineCode, MachineEffect, MachineTiming};
+use feedwave_program::{CodeReplacement, MachineCode, MachineEffect, MachineTiming};
 
 use super::enumeration;
 use crate::proto;
@@ -58,4 +58,14 @@ pub(super) fn machine_code_to_proto(code: &MachineCode) -> proto::MachineCode {
         timing: timing.into(),
         words: code.words.clone(),
     }
+}
+
+/// A replaced code; what it may not be, the profile says.
+pub(super) fn code_replacement_from_proto(given: &proto::CodeReplacement) -> CodeReplacement {
+    CodeReplacement { code: given.code.clone(), words: given.words.clone() }
+}
+
+/// As the contract has it.
+pub(super) fn code_replacement_to_proto(replacement: &CodeReplacement) -> proto::CodeReplacement {
+    proto::CodeReplacement { code: replacement.code.clone(), words: replacement.words.clone() }
 }

@@ -2,7 +2,9 @@
 
 use feedwave_motion::kinematics::KinematicsDescription;
 use feedwave_motion::{CornerSpeed, Machine, PlannerSettings, ProfileProblem};
-use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM, machine_code_problems};
+use feedwave_program::{
+    Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM, code_replacement_problems, machine_code_problems,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::functions::path_vibration::{MIN_FREQUENCY_HZ, VibrationSettings};
@@ -184,8 +186,8 @@ fn require_positive(problems: &mut Vec<ProfileProblem>, field: &str, value: f64)
 fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     let mut problems = Vec::new();
     position_problems(language, &mut problems);
-    let machine_codes = machine_code_problems(language).into_iter();
-    problems.extend(machine_codes.map(|(field, message)| problem(&field, message)));
+    let codes = machine_code_problems(language).into_iter().chain(code_replacement_problems(language));
+    problems.extend(codes.map(|(field, message)| problem(&field, message)));
     require_positive(&mut problems, "arc_radius_tolerance_mm", language.arc_radius_tolerance_mm);
     length_problems(language, &mut problems);
     if !language.input_result.is_finite() {

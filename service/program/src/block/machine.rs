@@ -64,8 +64,14 @@ impl Block {
         &self.machine.words[..usize::from(self.machine.count)]
     }
 
-    /// Takes an M code of the machine; `false` where the tables of the dialect have it, or where it is none at all.
-    pub(super) fn add_machine_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) -> bool {
+    /// Takes an M code of the machine; `false` where the tables of the dialect have it, at `place`, or where it is none at all.
+    pub(super) fn add_machine_code(
+        &mut self,
+        token: Token,
+        place: Option<u8>,
+        table: &CodeTable,
+        findings: &mut FindingLog,
+    ) -> bool {
         let number = token.number.value();
         self.machine.m_codes = self.machine.m_codes.saturating_add(1);
         if self.machine.m_codes > table.dialect.max_m_codes {
@@ -77,7 +83,7 @@ impl Block {
             return true;
         }
         let listed = table.machine_rule(number);
-        if listed.is_none() && table.find(b'M', number).is_some() {
+        if listed.is_none() && place.is_some() {
             return false;
         }
         let is_number = (0.0..=LARGEST).contains(&number) && f64::from(number as u32) == number;

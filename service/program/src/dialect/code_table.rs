@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use super::lathe::system_codes;
 use super::tables::code;
 use super::{Code, Dialect, Group, MachineRule, Meaning, letter_bit, machine_codes};
+use crate::code_replacement::Replacement;
 use crate::{DialectName, Function, FunctionCodes, LanguageSettings};
 
 /// Codes from this number of tenths on are unknown.
@@ -32,6 +33,8 @@ pub(crate) struct CodeTable {
     codes: Vec<Code>,
     /// M codes of the machine, ascending.
     machine: Vec<MachineRule>,
+    /// Codes that the profile replaces by other words.
+    replacements: Vec<Replacement>,
     /// Place in `codes` by number in tenths, G codes first, then M codes.
     index: Box<[u8; 2 * INDEXED_TENTHS]>,
     /// Letter, number in tenths and place of the codes above the index; of several with one number the last counts.
@@ -56,6 +59,7 @@ impl CodeTable {
             value_letters: dialect.value_letters(),
             codes: Vec::with_capacity(usize::from(NO_CODE)),
             machine: machine_codes::rules(settings),
+            replacements: Vec::new(),
             index: Box::new([NO_CODE; 2 * INDEXED_TENTHS]),
             above_index: Vec::new(),
             known: Default::default(),
@@ -64,7 +68,50 @@ impl CodeTable {
         let system = system_codes(settings).iter().copied();
         table.add(b'G', dialect.g_codes().copied().chain(system).chain(functions));
         table.add(b'M', dialect.m_codes().copied().chain(switches));
+        table.replace(settings);
         table
+    }
+
+    /// Puts the profile's replacements in the place of their codes, once all other codes are there.
+    fn replace(&mut self, settings: &LanguageSettings) {
+        let replaced = settings.code_replacements.iter().filter_map(|given| {
+            let (letter, number) = given.replaced()?;
+            let words = given.written()?;
+            let calls = |place| matches!(self.code(place).group, Group::Subprogram | Group::MacroCall);
+            let calls = words.iter().any(|(letter, number)| self.find(*letter, number.value()).is_some_and(calls));
+            let original = self.find(letter, number);
+            Some((letter, tenths(number)?, Replacement { words, original, calls }))
+        });
+        for (place, (letter, tenths, replacement)) in replaced.collect::<Vec<_>>().into_iter().enumerate() {
+            self.replacements.push(replacement);
+            let code = code(tenths as u16, Group::NonModal, Meaning::Replaced(place as u8));
+            self.add(letter, core::iter::once(code));
+        }
+    }
+
+    /// Whether the profile replaces any code.
+    #[inline]
+    pub(crate) const fn has_replacements(&self) -> bool {
+        !self.replacements.is_empty()
+    }
+
+    /// The replacement that [`Meaning::Replaced`] names.
+    pub(crate) fn replacement(&self, place: u8) -> &Replacement {
+        &self.replacements[usize::from(place)]
+    }
+
+    /// As [`CodeTable::find`], of a code without the profile's replacement.
+    pub(crate) fn find_original(&self, letter: u8, number: f64) -> Option<u8> {
+        let place = self.find(letter, number)?;
+        match self.code(place).meaning {
+            Meaning::Replaced(replaced) => self.replacement(replaced).original,
+            _ => Some(place),
+        }
+    }
+
+    /// Whether the table has a place for the code of this letter and number.
+    pub(crate) fn has_place_for(letter: u8, number: f64) -> bool {
+        tenths(number).is_some_and(|tenths| letter == b'G' || tenths % 10 == 0)
     }
 
     fn add(&mut self, letter: u8, codes: impl Iterator<Item = Code>) {

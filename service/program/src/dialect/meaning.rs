@@ -288,6 +288,8 @@ pub(crate) enum Meaning {
     MacroCallEnd,
     /// States what is the case anyway; every post writes these in its safety line.
     AlreadySo,
+    /// The profile has other words in its place: which of the table's replacements.
+    Replaced(u8),
     /// A known code whose effect is not carried out yet: what it is, for the finding.
     Unsupported(&'static str),
 }
@@ -296,7 +298,14 @@ impl Meaning {
     /// Whether the parser has something to do with it beside noting its place: it is refused, or the line ends differently.
     #[inline]
     pub(crate) const fn concerns_parser(self) -> bool {
-        matches!(self, Self::Unsupported(_) | Self::OfOtherSystem { .. } | Self::VariableLead | Self::MacroCall { .. })
+        matches!(
+            self,
+            Self::Unsupported(_)
+                | Self::OfOtherSystem { .. }
+                | Self::VariableLead
+                | Self::MacroCall { .. }
+                | Self::Replaced(_)
+        )
     }
 
     /// Whether the code is of this dialect and does what it says.

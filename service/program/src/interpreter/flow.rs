@@ -127,6 +127,8 @@ pub(crate) struct Call {
     back: Mark,
     /// The block that called.
     pub(crate) span: SourceSpan,
+    /// A code of the profile called it.
+    by_code: bool,
     /// Which time it is run, from 1.
     run: u32,
     /// How often it is still to be run after this time.
@@ -238,6 +240,8 @@ pub(super) struct CallRequest {
     pub(super) repeats: u32,
     /// Local variables of the called program, from `#1` on.
     pub(super) arguments: Vec<Option<f64>>,
+    /// A code calls it that the profile replaces by the call.
+    pub(super) by_code: bool,
 }
 
 /// What is called.
@@ -374,6 +378,11 @@ impl FlowState {
     /// Whether a jump waits whose target has to be looked for.
     pub(super) const fn waits_for_target(&self) -> bool {
         self.pending.is_some()
+    }
+
+    /// Whether the program that is read, or one that waits for it, was called by a code of the profile.
+    pub(crate) fn is_called_by_code(&self) -> bool {
+        self.calls.iter().any(|call| call.by_code)
     }
 
     /// Something moved without a block.

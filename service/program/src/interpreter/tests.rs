@@ -2,6 +2,7 @@
 
 mod arcs;
 mod arcs_of_linuxcnc;
+mod code_replacements;
 mod consequences;
 mod coordinates;
 mod corners;

@@ -51,6 +51,8 @@ fn profiles_survive_the_round_trip() {
     lathe.language.unlisted_machine_codes = feedwave_program::UnlistedMachineCodes::Error;
     lathe.language.input_result = 1.0;
     lathe.language.machine_codes = machine_codes();
+    lathe.language.code_replacements =
+        vec![feedwave_program::CodeReplacement { code: "M6".to_owned(), words: "G65 P9001".to_owned() }];
     lathe.language.contour_tolerances_mm[3] = 0.5;
     lathe.language.dwell_in_revolutions = true;
     lathe.language.plain_drawing_words = true;
@@ -100,8 +102,12 @@ fn violations_of_machine_codes_have_their_fields() {
         violations.into_iter().map(|(field, _)| field).collect::<Vec<_>>()
     };
     assert_eq!(fields(&lathe), ["profile.language.machine_codes[2].dwell_s"]);
-    lathe.language.as_mut().expect("it is stated").machine_codes.pop();
-    assert_eq!(fields(&lathe), ["profile.language.machine_codes[1].number"]);
+    let language = lathe.language.as_mut().expect("it is stated");
+    language.machine_codes.pop();
+    let replaced = |code: &str, words: &str| proto::CodeReplacement { code: code.into(), words: words.into() };
+    language.code_replacements = vec![replaced("M21", "M3 M8"), replaced("M98", "M3"), replaced("M6", "G65")];
+    let expected = ["machine_codes[1].number", "code_replacements[1].code", "code_replacements[2].words"];
+    assert_eq!(fields(&lathe), expected.map(|field| format!("profile.language.{field}")));
 }
 
 #[test]

@@ -145,15 +145,18 @@ impl Interpreter {
         let (number, before) = called_program(&self.table, &self.settings, p, digits, has_l);
         let repeats = before.or(times).unwrap_or(1);
         let target = CallTarget::Program { number, label };
-        let request = CallRequest { kind: CallKind::Plain, target, repeats, arguments: Vec::new() };
-        self.wait(span, Jump::Call(request));
+        self.wait_for_call_of(span, target, repeats);
         true
     }
 
     fn wait_for_call(&mut self, span: SourceSpan, target: CallTarget) {
         let repeats = self.whole_word(b'L').unwrap_or(1);
-        let request = CallRequest { kind: CallKind::Plain, target, repeats, arguments: Vec::new() };
-        self.wait(span, Jump::Call(request));
+        self.wait_for_call_of(span, target, repeats);
+    }
+
+    fn wait_for_call_of(&mut self, span: SourceSpan, target: CallTarget, repeats: u32) {
+        let (kind, by_code) = (CallKind::Plain, self.block.calls_by_code);
+        self.wait(span, Jump::Call(CallRequest { kind, target, repeats, arguments: Vec::new(), by_code }));
     }
 
     #[cold]
@@ -189,6 +192,14 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) -> bool {
         let span = self.span_in(line, skip_blanks(line, 0), line.trim_ascii_end().len());
+        if self.block.has_words_before_call() {
+            let message =
+                "a macro call is not the first code of its block, so that what stands before it would be lost";
+            findings.push_with(code::STATEMENT, |code| {
+                Finding::new(code, span, message).suggest("write what stands before it in a block of its own before")
+            });
+            return false;
+        }
         let Some(arguments) = self.arguments(line, at, findings) else { return false };
         let whole = |value: Option<f64>| value.filter(|it| libm::rint(*it) == *it && (0.0..=99_999_999.0).contains(it));
         let Some(number) = whole(arguments.program) else { return self.no_program(span, findings) };
@@ -198,7 +209,8 @@ impl Interpreter {
         };
         let target = CallTarget::Program { number: number as u32, label: None };
         let kind = if modal { CallKind::Modal { level: 0 } } else { CallKind::Macro };
-        let request = CallRequest { kind, target, repeats, arguments: arguments.locals };
+        let by_code = self.block.calls_by_code;
+        let request = CallRequest { kind, target, repeats, arguments: arguments.locals, by_code };
         if !modal {
             self.wait(span, Jump::Call(request));
             return true;
@@ -217,6 +229,12 @@ impl Interpreter {
     /// The words behind `G65`.
     fn arguments(&mut self, line: &[u8], mut at: usize, findings: &mut FindingLog) -> Option<Arguments> {
         let mut arguments = Arguments::default();
+        // A code that the profile replaces has said which program it calls.
+        let by_code = self.block.calls_by_code;
+        if by_code {
+            let said = |letter| self.block.word(letter).map(|word| word.number.value());
+            (arguments.program, arguments.repeats) = (said(b'P'), said(b'L'));
+        }
         loop {
             at = skip_blanks(line, at);
             let Some(token) = Lexer::new(&line[at..]).next() else { return Some(arguments) };
@@ -232,6 +250,7 @@ impl Interpreter {
             let (value, end) = self.value(line, at + 1, findings)?;
             let is_written_whole = token.kind == TokenKind::Word && !token.number.has_point();
             match letter {
+                b'P' if by_code => return self.bad_statement(span, "P passes no argument to a macro", findings),
                 b'P' => arguments.program = value,
                 b'L' => arguments.repeats = value,
                 _ => {

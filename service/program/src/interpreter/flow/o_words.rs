@@ -145,7 +145,8 @@ impl Interpreter {
         }
         // What is not passed reads 0 in the called program.
         arguments.resize(MAX_ARGUMENTS, Some(0.0));
-        let request = CallRequest { kind: CallKind::Sub, target: CallTarget::Sub(name), repeats: 1, arguments };
+        let request =
+            CallRequest { kind: CallKind::Sub, target: CallTarget::Sub(name), repeats: 1, arguments, by_code: false };
         self.wait(span, Jump::Call(request));
         Some(())
     }

@@ -228,6 +228,7 @@ impl Interpreter {
             from: pending.from,
             back: pending.behind,
             span: pending.span,
+            by_code: request.by_code,
             run: 1,
             repeats: request.repeats - 1,
             since: flow.blocks,

@@ -191,6 +191,8 @@ fn what_cannot_be_followed_is_refused_with_its_place() {
         ("IF [1 EQ 1] G1 X5\nM30", "PRG-STATEMENT"),
         ("IF [1 EQ 1] THEN G0 X5\nM30", "PRG-STATEMENT"),
         ("WHILE [1 EQ 1] DO4\nM30", "PRG-STATEMENT"),
+        ("G0 X5 G65 P1\nM30\nO1\nM99", "PRG-STATEMENT"),
+        ("M8 G66 P1\nX1\nG67\nM30\nO1\nM99", "PRG-STATEMENT"),
     ] {
         assert_eq!(mill_codes(program), [code], "{program}");
     }

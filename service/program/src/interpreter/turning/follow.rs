@@ -178,6 +178,7 @@ impl Interpreter {
                     target: CallTarget::Sub(number.to_string()),
                     repeats: 1,
                     arguments: vec![Some(0.0); 30],
+                    by_code: false,
                 };
                 let progress = self.call(&request, pending, findings);
                 if matches!(progress, Progress::Done) {
