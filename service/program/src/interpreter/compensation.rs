@@ -260,12 +260,15 @@ impl Execution<'_> {
                 self.compensation_refused(word.span, &format!("M{number}"), on_line.unwrap_or(word.span.line));
             }
         }
-        if was_on
-            && self.table.dialect.tool_word_changes
-            && let Some(word) = self.block.word(b'T')
-        {
-            let span = self.block.word_span(word);
-            self.compensation_refused(span, "a tool change", on_line.unwrap_or(span.line));
+    }
+
+    /// Reports a lathe's `T` on a contour, before it changes the tool. On the way from it the offset may go out of force, as towards where
+    /// tools are changed (`G40 G0 X200. Z100. T0100`).
+    pub(super) fn check_compensated_tool(&mut self, number: u32, offset: u32, span: SourceSpan) {
+        let Some(on) = self.state.compensation.on else { return };
+        let leaves = self.code(Group::CutterCompensation).is_some_and(|(it, _)| it == Meaning::CompensationOff);
+        if !(leaves && (number, offset) == (self.state.tool, 0)) {
+            self.compensation_refused(span, "a tool change", on.line);
         }
     }
 

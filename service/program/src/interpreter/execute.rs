@@ -283,6 +283,7 @@ impl Execution<'_> {
                     3.. => (tool / 100, tool % 100),
                     _ => (tool, if same { tool } else { 0 }),
                 };
+                self.check_compensated_tool(number, offset, self.block.word_span(&word));
                 self.state.tool = number;
                 self.state.compensation.number = Some(offset);
                 let span = self.block.word_span(&word);

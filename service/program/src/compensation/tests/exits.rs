@@ -274,3 +274,37 @@ fn behind_a_move_that_names_the_point_the_machine_is_at_the_programmed_one() {
     assert!(result.is_ok(), "{}", result.unwrap_err());
     assert!(possible.get() > CASES / 2, "{} possible", possible.get());
 }
+
+#[test]
+fn a_lathe_drops_the_offset_on_its_way_out() {
+    let settings = LanguageSettings::default();
+    let tool = ToolOffset { tip: 3, ..ToolOffset::new(1).with_radius(0.4) };
+    let geometry = ToolOffset { geometry: Some([2.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ..tool };
+    let run = |program: &str| {
+        let interpreter = Interpreter::new(settings.clone()).with_tools(vec![geometry]);
+        interpreter.read_all(program.as_bytes())
+    };
+    let program = |switch: &str, out: &str| {
+        format!(
+            "S500 M3\nT0101\nG0 X60. Z5.\n{switch} X50. Z3.\nG1 Z-20. F0.2\nX60.\n{out} G0 X100. Z50.\nX110.\nM30\n"
+        )
+    };
+    let (operations, findings) = run(&program("G42", "G40 T0100"));
+    assert_eq!(codes(&findings, Severity::Error), [""; 0]);
+    let (plain, _) = run(&program("", "T0100"));
+    let (before, plain) = (moves(&operations), moves(&plain));
+    let [.., leaving, last] = &before[..] else { panic!("{before:?}") };
+    // It leaves from beside the contour, which is elsewhere without the offset, to where it goes without compensation.
+    let (kept, _) = run(&program("G42", "G40"));
+    let kept = moves(&kept);
+    let beside = kept[kept.len() - 2].start;
+    assert_eq!(leaving.start, core::array::from_fn(|axis| beside[axis] + geometry.geometry.unwrap()[axis]));
+    assert_eq!([leaving.end, last.end], [plain[plain.len() - 2].end, plain[plain.len() - 1].end]);
+    // Another tool or another offset would not be the contour's.
+    for change in ["T0200", "T0101"] {
+        let (_, findings) = run(&program("G42", &format!("G40 {change}")));
+        assert_eq!(codes(&findings, Severity::Error), ["PRG-COMP-BLOCK"], "{change}");
+    }
+    let (_, findings) = run(&program("G42", "T0100"));
+    assert!(codes(&findings, Severity::Error).contains(&"PRG-COMP-BLOCK"));
+}
