@@ -35,7 +35,7 @@ impl Number {
     /// many digits before the point as it has.
     #[must_use]
     pub(crate) fn computed(value: f64) -> Self {
-        let digits = value.abs().max(1.0).log10() as u32 + 1;
+        let digits = (value.abs().max(1.0) as u64).ilog10() + 1;
         // Adding zero turns a negative zero into zero.
         Self { value: value + 0.0, form: digits | HAS_POINT | COMPUTED }
     }

@@ -97,7 +97,7 @@ impl AxisLoad {
     fn at_steps(&self, peaks: &PathMotion, feed_mm_per_s: f64, period_s: f64) -> f64 {
         let at_ends = self.worst_direction * (peaks.velocity + feed_mm_per_s) / period_s;
         // Velocity and acceleration of a sine are a quarter of a period apart.
-        let wave = (self.kink * peaks.velocity / period_s).hypot(self.worst_direction * peaks.acceleration);
+        let wave = libm::hypot(self.kink * peaks.velocity / period_s, self.worst_direction * peaks.acceleration);
         at_ends.max(wave + self.kink * feed_mm_per_s / period_s)
     }
 

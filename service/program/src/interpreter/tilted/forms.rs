@@ -273,7 +273,7 @@ impl Execution<'_> {
         let beside = dot(along, z);
         let x = unit([0, 1, 2].map(|k| along[k] - beside * z[k]));
         let (Some(x), true) = (x, beside.abs() <= SQUARE_RAD) else {
-            let off_deg = beside.abs().min(1.0).asin().to_degrees();
+            let off_deg = libm::asin(beside.abs().min(1.0)).to_degrees();
             self.plane_words(span, "the two vectors of the plane are not perpendicular", |it| {
                 it.with_value("beside", off_deg, "deg")
                     .suggest("write X of the plane perpendicular to its normal, both with six decimals")
