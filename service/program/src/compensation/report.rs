@@ -1,7 +1,7 @@
 //! What the stage has to say.
 
 use super::geometry::{Point, length};
-use super::window::{Gouge, Gouges};
+use super::window::{Cut, Gouge, Gouges};
 use crate::code;
 use crate::{Finding, FindingLog, SourceSpan};
 
@@ -152,23 +152,34 @@ pub(super) fn backwards(span: SourceSpan, radius_mm: f64, findings: &mut Finding
 }
 
 pub(super) fn gouges(span: SourceSpan, gouges: Gouges, findings: &mut FindingLog) {
-    if gouges != [None; 2] {
+    if gouges != Gouges::default() {
         gouges.into_iter().flatten().for_each(|gouge| report_gouge(span, gouge, findings));
     }
 }
 
 #[cold]
-fn report_gouge(span: SourceSpan, Gouge { depth_mm, line, is_link }: Gouge, findings: &mut FindingLog) {
-    let code = if is_link { code::COMP_GOUGE_LINK } else { code::COMP_GOUGE };
+fn report_gouge(span: SourceSpan, Gouge { depth_mm, line, on }: Gouge, findings: &mut FindingLog) {
+    let code = if on == Cut::Contour { code::COMP_GOUGE } else { code::COMP_GOUGE_LINK };
     findings.push_with(code, |code| {
-        let (what, cure) = match is_link {
-            true => (
-                "on its entry to the contour or exit from it",
+        let depth = shown(depth_mm);
+        let (message, cure) = match on {
+            Cut::Contour => (
+                format!("on its path, the tool cuts {depth} mm into the contour, here and at line {line}"),
+                "use a smaller tool, or switch the compensation off between both",
+            ),
+            Cut::Link => (
+                format!(
+                    "on its entry to the contour or exit from it, the tool cuts {depth} mm into the contour, here and at line {line}"
+                ),
                 "start and end beside the contour, at right angles to it",
             ),
-            false => ("on its path", "use a smaller tool, or switch the compensation off between both"),
+            Cut::Lead => (
+                format!(
+                    "the tool passes {depth} mm over a block that leads to the contour or away from it, here and at line {line}"
+                ),
+                "nothing needs to be done where that block is no wall of the part; where it is one, use a smaller tool",
+            ),
         };
-        let message = format!("{what}, the tool cuts {} mm into the contour, here and at line {line}", shown(depth_mm));
         Finding::new(code, span, message)
             .with_value("depth", depth_mm, "mm")
             .with_value("other_line", f64::from(line), "")

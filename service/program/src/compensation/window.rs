@@ -91,12 +91,22 @@ pub(super) struct Gouge {
     pub(super) depth_mm: f64,
     /// Line of the block on whose contour or path it is, beside the present one.
     pub(super) line: u32,
-    /// On the entry to the contour or the exit from it.
-    pub(super) is_link: bool,
+    pub(super) on: Cut,
 }
 
-/// The worst cut on the contour, and the worst on the entry to it or the exit from it.
-pub(super) type Gouges = [Option<Gouge>; 2];
+/// Where the tool cuts into the contour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cut {
+    /// On its path along the contour.
+    Contour,
+    /// On the entry to the contour or the exit from it.
+    Link,
+    /// On its path along the contour it passes over a block that leads to the contour or away from it, which is no wall as a rule.
+    Lead,
+}
+
+/// The worst cut of each kind, at its place among them.
+pub(super) type Gouges = [Option<Gouge>; 3];
 
 /// The window.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -142,7 +152,7 @@ impl Window {
     /// The tool passes along a curve: the worst cut into what was passed before.
     pub(super) fn pass(&mut self, curve: Curve, radius: f64, place: Place, line: u32) -> Gouges {
         let passed = Passed { curve, bounds: Bounds::of(&curve), place, line, headings: [0.0; 2] };
-        let worst = worst(&passed, &self.contour, radius);
+        let worst = worst(&passed, &self.contour, |other| cut(&passed, other, radius));
         if self.path.len() == STRETCHES {
             self.path.pop_front();
         }
@@ -156,7 +166,10 @@ impl Window {
         let start = end - curve.circle.map_or(0.0, |circle| circle.sweep_rad);
         let headings = [start.min(end), start.max(end)];
         let added = Passed { curve, bounds: Bounds::of(&curve), place, line, headings };
-        let worst = worst(&added, &self.path, radius);
+        let worst = worst(&added, &self.path, |other| {
+            let (curve, path) = (&added, other);
+            cut(path, curve, radius).map(|gouge| Gouge { line: other.line, ..gouge })
+        });
         if self.contour.len() == BLOCKS {
             self.contour.pop_front();
         }
@@ -166,28 +179,31 @@ impl Window {
 }
 
 /// The worst cuts between a curve and those before it.
-fn worst(one: &Passed, others: &VecDeque<Passed>, radius: f64) -> Gouges {
-    let mut worst = [None; 2];
+fn worst(one: &Passed, others: &VecDeque<Passed>, cut: impl Fn(&Passed) -> Option<Gouge>) -> Gouges {
+    let mut worst = Gouges::default();
     let can_be_met = |other: &&Passed| other.place.block <= one.place.newest;
-    for other in others.iter().rev().filter(can_be_met) {
-        if let Some(gouge) = cut(one, other, radius)
-            && worst[usize::from(gouge.is_link)].is_none_or(|worst: Gouge| gouge.depth_mm > worst.depth_mm)
-        {
-            worst[usize::from(gouge.is_link)] = Some(gouge);
+    for gouge in others.iter().rev().filter(can_be_met).filter_map(cut) {
+        let place = &mut worst[gouge.on as usize];
+        if place.is_none_or(|worst| gouge.depth_mm > worst.depth_mm) {
+            *place = Some(gouge);
         }
     }
     worst
 }
 
-/// The cut of a tool that passes along one of the curves into the other.
-fn cut(one: &Passed, other: &Passed, radius: f64) -> Option<Gouge> {
-    if !one.bounds.is_within(&other.bounds, radius) {
+/// The cut of a tool on its path into a block of the contour, whose line it names.
+fn cut(path: &Passed, block: &Passed, radius: f64) -> Option<Gouge> {
+    if !path.bounds.is_within(&block.bounds, radius) {
         return None;
     }
-    let depth_mm = radius - distance::between(&one.curve, &other.curve);
-    let rounding = one.curve.radius_error() + other.curve.radius_error();
-    let is_link = one.place.is_link || other.place.is_link;
-    (depth_mm > TOLERANCE_MM + rounding).then_some(Gouge { depth_mm, line: other.line, is_link })
+    let depth_mm = radius - distance::between(&path.curve, &block.curve);
+    let rounding = path.curve.radius_error() + block.curve.radius_error();
+    let on = match (path.place.is_link, block.place.is_link) {
+        (true, _) => Cut::Link,
+        (false, true) => Cut::Lead,
+        (false, false) => Cut::Contour,
+    };
+    (depth_mm > TOLERANCE_MM + rounding).then_some(Gouge { depth_mm, line: block.line, on })
 }
 
 /// Whether two points are the same but for rounding.

@@ -399,10 +399,13 @@ fn a_lathe_takes_radius_and_tip_of_the_offset_of_its_tool() {
 
 /// Codes of all findings of a mill's program, with the tool 1 of 8 mm.
 fn found(program: &str) -> Vec<(&'static str, Severity)> {
+    findings_of(program).findings().iter().map(|finding| (finding.code.name(), finding.severity)).collect()
+}
+
+fn findings_of(program: &str) -> FindingLog {
     let tool = crate::ToolOffset { radius_mm: Some(4.0), ..crate::ToolOffset::new(1) };
     let program = format!("G21 G17 G90 G94\n{program}\nM30\n");
-    let (_, findings) = Interpreter::new(LanguageSettings::mill()).with_tools(vec![tool]).read_all(program.as_bytes());
-    findings.findings().iter().map(|finding| (finding.code.name(), finding.severity)).collect()
+    Interpreter::new(LanguageSettings::mill()).with_tools(vec![tool]).read_all(program.as_bytes()).1
 }
 
 #[test]
@@ -410,6 +413,10 @@ fn arcs_that_lead_to_a_contour_and_away_from_it_are_no_walls() {
     // A bore of 30 mm, entered and left on quarter circles of 10 mm, as post processors write it.
     let bore = "G0 X0 Y0\nG41 D1 G1 X5. Y-10. F300\nG3 X15. Y0 I0 J10.\nG3 I-15.\nG3 X5. Y10. I-10.\nG40 G1 X0 Y0";
     assert!(found(bore).iter().all(|(_, severity)| *severity == Severity::Info), "{:?}", found(bore));
+    // Its whole circle passes over them, which is said as it is.
+    let findings = findings_of(bore);
+    let passed = findings.findings().iter().filter(|found| found.code.name() == "PRG-COMP-GOUGE");
+    assert!(passed.clone().count() > 0 && passed.clone().all(|it| it.message.starts_with("the tool passes ")));
     // A block round the outside, likewise.
     let block = "G0 X31.5 Y-12.\nG41 D1 G1 X36.5 Y-11.4 F300\nG3 X31.5 Y-6.4 I-5. J0\nG1 X0\nG2 X-5. Y-1.4 J5.\nG1 Y30.\n\
                  G2 X0 Y35. I5.\nG1 X60.\nG2 X65. Y30. J-5.\nG1 Y-1.4\nG2 X60. Y-6.4 I-5.\nG1 X31.5\nG3 X26.5 Y-11.4 J-5.\n\
