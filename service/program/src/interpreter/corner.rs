@@ -262,7 +262,10 @@ fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), &'stati
 /// The three moves instead of two; nothing where the moves are tangent, so that there is no corner.
 fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<Box<[Move; 3]>>, &'static str> {
     let (OperationKind::Move(first), OperationKind::Move(last)) = (&held.kind, &next.kind) else {
-        return Err("what follows is no move");
+        return Err(match next.kind {
+            OperationKind::Compensation(_) => "the next block switches the radius compensation on or off",
+            _ => "what follows is no move",
+        });
     };
     check_sides(first, last, corner)?;
     let (along, across) = corner.plane.axes();
