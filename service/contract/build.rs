@@ -35,6 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     config.enable_type_names();
     let services = env::var_os("CARGO_FEATURE_SERVICES").is_some();
     let generator = tonic_prost_build::configure().build_client(services).build_server(services);
+    let generator = generator.codec_path("crate::codec::AccountedCodec");
     generator.bytes(".").compile_fds_with_config(descriptors, config)?;
     Ok(())
 }

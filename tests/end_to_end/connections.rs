@@ -3,12 +3,16 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use bytes::Bytes;
 use feedwave_contract::proto::{ListJobsRequest, StreamSetpointsRequest, WatchJobsRequest};
-use feedwave_tests::{Clients, Home, Server, header_of, long_dwell, patiently};
+use feedwave_tests::{Clients, Home, Raw, Server, header_of, long_dwell, patiently};
+use http::uri::PathAndQuery;
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpSocket, TcpStream};
-use tonic::Code;
+use tonic::transport::Channel;
+use tonic::{Code, Request};
+use tonic_types::StatusExt as _;
 
 use crate::FEEDWAVE;
 use crate::status::assert_error;
@@ -232,6 +236,34 @@ async fn bytes_of_requests_under_way_have_a_bound() {
     let refused = answer(&mut second).await;
     assert!(refused.contains("grpc-status: 8"), "{refused}");
     drop(first);
+    figure(&server, "feedwave_request_bytes", |bytes| bytes == 0.0).await;
+    server.connect().await.submit("M30\n").await;
+}
+
+#[tokio::test]
+async fn messages_that_grow_when_they_are_read_are_refused_before() {
+    let server = Server::start(FEEDWAVE).await;
+    let before = server.peak_resident_bytes();
+    // As many files without name and content as 4 MB have space for: field 7, of length 0.
+    let message = Bytes::from([7 << 3 | 2, 0].repeat(2_000_000));
+    let calls = (0..16).map(|_| async {
+        let channel = Channel::from_shared(format!("http://{}", server.grpc)).unwrap().connect().await.unwrap();
+        let mut client = tonic::client::Grpc::new(channel);
+        client.ready().await.unwrap();
+        let method = PathAndQuery::from_static("/feedwave.v1.Programs/Interpret");
+        client.server_streaming(Request::new(message.clone()), method, Raw).await.map(drop).unwrap_err()
+    });
+    let refused = patiently(futures_util::future::join_all(calls)).await;
+    assert!(refused.iter().all(|status| status.code() == Code::ResourceExhausted), "{refused:?}");
+    // Some are too many at once; the others would be too much alone.
+    let too_costly = refused.iter().filter(|status| status.message().contains("once it is read")).collect::<Vec<_>>();
+    assert!(!too_costly.is_empty(), "{refused:?}");
+    for status in too_costly {
+        assert_error(status, Code::ResourceExhausted, "MESSAGE_TOO_LARGE");
+        assert_eq!(status.get_error_details().retry_info(), None, "it is never taken");
+    }
+    let grown = server.peak_resident_bytes() - before;
+    assert!(grown < 200 << 20, "{} MiB", grown >> 20);
     figure(&server, "feedwave_request_bytes", |bytes| bytes == 0.0).await;
     server.connect().await.submit("M30\n").await;
 }

@@ -9,9 +9,12 @@
 pub const MAX_MESSAGE_BYTES: usize = 256 << 20;
 
 pub mod code;
+#[cfg(feature = "services")]
+pub mod codec;
 pub mod columns;
 pub mod comments;
 pub mod convert;
+pub mod cost;
 pub mod delta;
 pub mod document;
 pub mod json;

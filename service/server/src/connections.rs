@@ -12,5 +12,5 @@ pub(crate) use clients::{Clients, Held, Resource};
 pub(crate) use connection::{Connection, OpenCall, Unread};
 pub(crate) use listener::{App, Port, app};
 pub(crate) use refusal::in_json;
-pub(crate) use request::{HeldBytes, RequestBody};
+pub(crate) use request::{RequestBody, RequestMemory};
 pub(crate) use tls::{Tls, TlsError, client_config};

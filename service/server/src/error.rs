@@ -159,6 +159,18 @@ pub enum Error {
         /// Largest message, bytes before compression.
         limit: usize,
     },
+    /// A message takes more memory than the requests of one client may.
+    #[error(
+        "the message takes up to {bytes} bytes of memory once it is read, more than the {limit} of {key}: send fewer elements at a time"
+    )]
+    MessageTooCostly {
+        /// What it takes, at most.
+        bytes: u64,
+        /// How many are permitted.
+        limit: u64,
+        /// The configuration key that says so.
+        key: &'static str,
+    },
     /// What the transport says: it could not read a message, or knows no such method.
     #[error("{}", .0.message())]
     Transport(Status),
@@ -199,7 +211,8 @@ impl Error {
             Self::Overloaded { .. }
             | Self::ClientOverloaded { .. }
             | Self::Unread { .. }
-            | Self::MessageTooLarge { .. } => Code::ResourceExhausted,
+            | Self::MessageTooLarge { .. }
+            | Self::MessageTooCostly { .. } => Code::ResourceExhausted,
             Self::Unauthenticated { .. } => Code::Unauthenticated,
             Self::PermissionDenied { .. } | Self::TenantDenied { .. } | Self::HostDenied => Code::PermissionDenied,
             Self::Draining | Self::StoreUnavailable(_) | Self::KeysUnavailable => Code::Unavailable,
@@ -231,7 +244,7 @@ impl Error {
             Self::HostDenied => "HOST_DENIED",
             Self::Draining => "SERVER_DRAINING",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
-            Self::MessageTooLarge { .. } => "MESSAGE_TOO_LARGE",
+            Self::MessageTooLarge { .. } | Self::MessageTooCostly { .. } => "MESSAGE_TOO_LARGE",
             // Methods, compressions, services of health and symbols of reflection that there are not.
             Self::Transport(status) if matches!(status.code(), Code::Unimplemented | Code::NotFound) => "NOT_SERVED",
             Self::Transport(_) => "REQUEST_BROKEN_OFF",

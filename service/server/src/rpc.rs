@@ -12,6 +12,7 @@ use std::task::{Context, Poll};
 use std::time::Instant;
 
 use bytes::Bytes;
+use feedwave_contract::codec::{Account, accounted};
 use feedwave_contract::proto::DESCRIPTORS;
 use feedwave_store::AuditRequest;
 use futures_util::FutureExt as _;
@@ -32,7 +33,7 @@ use crate::access::{Access, Caller, Effect, of_method};
 use crate::api::deadline;
 use crate::audit::{AuditLog, Audited, asked};
 use crate::config::Limits;
-use crate::connections::{Connection, Held, HeldBytes, OpenCall, RequestBody, Resource, Unread};
+use crate::connections::{Connection, Held, OpenCall, RequestBody, RequestMemory, Resource, Unread};
 use crate::engine::until;
 use crate::error::{Error, code_name, complete};
 use crate::observability::metrics::{GaugeGuard, Metrics};
@@ -152,19 +153,32 @@ impl RpcLayer {
         Ok(Places { _in_all, _of_client, _of_connection })
     }
 
-    /// The body of a request, counted where the connection is known, and what holds its bytes.
-    fn request_body(
+    /// A request whose bytes, and what its messages become, are counted where the connection is known; and what holds them.
+    fn counted(
         &self,
-        body: Body,
+        request: Request<Body>,
         method: Method,
         connection: Option<&Arc<Connection>>,
-    ) -> (Body, Option<HeldBytes>) {
-        let Some(connection) = connection else { return (body, None) };
+    ) -> (Request<Body>, Option<RequestMemory>) {
+        let Some(connection) = connection else { return (request, None) };
         let clients = connection.clients();
-        let held = HeldBytes::new(clients.request_bytes(connection.client()).into());
+        let held = RequestMemory::new(clients, connection.client());
         let pause = (!method.may_pause).then(|| clients.limits().request_timeout());
-        let body = RequestBody::new(body, held.clone(), self.message_bytes, method.sends_many, pause);
-        (Body::new(body), Some(held))
+        let counted = |body| RequestBody::new(body, held.clone(), self.message_bytes, method.sends_many, pause);
+        let mut request = request.map(|body| Body::new(counted(body)));
+        request.extensions_mut().insert(held.account());
+        (request, Some(held))
+    }
+}
+
+/// Has a request answered by the services, which ask its account before they decode a message.
+async fn answered<S>(inner: &mut S, mut request: Request<Body>) -> Result<Response<Body>, S::Error>
+where
+    S: tower::Service<Request<Body>, Response = Response<Body>>,
+{
+    match request.extensions_mut().remove::<Account>() {
+        Some(account) => accounted(account, inner.call(request)).await,
+        None => inner.call(request).await,
     }
 }
 
@@ -198,12 +212,7 @@ impl RpcLayer {
             return Ok(error.into_answer());
         }
         request.extensions_mut().insert(caller.clone());
-        let mut held = None;
-        let request = request.map(|body| {
-            let (body, bytes) = self.request_body(body, method, connection.as_ref());
-            held = bytes;
-            body
-        });
+        let (request, held) = self.counted(request, method, connection.as_ref());
         if effect == Effect::Changes {
             if method.resource == Resource::Call {
                 return self.change(inner, request, asked, caller, call).await;
@@ -213,7 +222,7 @@ impl RpcLayer {
                 Err(error) => return Ok(error.into_answer()),
             }
         }
-        let answer = inner.call(request).await;
+        let answer = answered(&mut inner, request).await;
         // The request has become something else, or nothing.
         drop(held);
         answer
@@ -243,8 +252,8 @@ impl RpcLayer {
                 Ok(audited) => audited,
                 Err(error) => return Ok(error.into_answer()),
             };
-            let answered = AssertUnwindSafe(async { inner.call(request).await }).catch_unwind().await;
-            let answer = match answered {
+            let done = AssertUnwindSafe(answered(&mut inner, request)).catch_unwind().await;
+            let answer = match done {
                 Ok(answer) => answer?,
                 Err(_) => panicked(&metrics, method).into_answer(),
             };

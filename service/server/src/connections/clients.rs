@@ -229,6 +229,24 @@ impl RequestBytes {
         Ok(())
     }
 
+    /// Takes these up in place of all others.
+    ///
+    /// # Errors
+    /// As [`RequestBytes::take`], and [`Error::MessageTooCostly`] where a client may not have as many at any time.
+    pub(crate) fn replace(&mut self, bytes: u64) -> Result<(), Error> {
+        self.give_back();
+        let limits = &self.clients.limits;
+        let bounds = [
+            (limits.request_bytes_per_client, "connections.request_bytes_per_client"),
+            (limits.request_bytes, "connections.request_bytes"),
+        ];
+        if let Some((limit, key)) = bounds.into_iter().find(|(limit, _)| bytes > *limit) {
+            self.clients.metrics.refused(REQUEST_BYTES);
+            return Err(Error::MessageTooCostly { bytes, limit, key });
+        }
+        self.take(bytes)
+    }
+
     /// Gives all back.
     pub(crate) fn give_back(&mut self) {
         let bytes = std::mem::take(&mut self.bytes);

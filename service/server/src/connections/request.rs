@@ -1,24 +1,59 @@
 //! The body of a call on its way in: its bytes are counted while they are held in memory, and it may not pause for ever.
 
 use std::pin::Pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
 use bytes::Bytes;
+use feedwave_contract::codec::Account;
 use http_body::{Frame, SizeHint};
 use tokio::time::{Sleep, sleep};
 use tonic::Status;
 use tonic::body::Body;
 
-use super::clients::RequestBytes;
+use super::clients::{ClientKey, Clients, RequestBytes};
 use crate::error::Error;
 
 /// Largest factor by which the compression of gRPC's messages (DEFLATE) shrinks what it is given.
 const MAX_COMPRESSION: u64 = 1_032;
 
-/// The bytes of a request that are held; shared by its body and by the call, which may need them to its end.
-pub(crate) type HeldBytes = Arc<Mutex<RequestBytes>>;
+/// What a request holds of memory; shared by its body, by what decodes it and by the call, which may need it to its end.
+#[derive(Clone, Debug)]
+pub(crate) struct RequestMemory {
+    /// As it came.
+    received: Arc<Mutex<RequestBytes>>,
+    /// Its newest message, decoded.
+    decoded: Arc<Mutex<RequestBytes>>,
+}
+
+impl RequestMemory {
+    /// Of a request that one client sends.
+    pub(crate) fn new(clients: &Arc<Clients>, client: &ClientKey) -> Self {
+        let account = || Arc::new(Mutex::new(clients.request_bytes(client)));
+        Self { received: account(), decoded: account() }
+    }
+
+    /// The account of what the next message takes once it is decoded. Of those before it only the newest is still there.
+    pub(crate) fn account(&self) -> Account {
+        let decoded = self.decoded.clone();
+        Arc::new(move |bytes| Ok(lock(&decoded).replace(bytes)?))
+    }
+
+    fn receive(&self, bytes: u64) -> Result<(), Error> {
+        lock(&self.received).take(bytes)
+    }
+
+    fn give_back(&self) {
+        lock(&self.received).give_back();
+        lock(&self.decoded).give_back();
+    }
+}
+
+fn lock(account: &Mutex<RequestBytes>) -> MutexGuard<'_, RequestBytes> {
+    // Numbers are added and taken away in one go, so a poisoned account is right.
+    account.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// The body of a call.
 pub(crate) struct RequestBody {
@@ -26,7 +61,7 @@ pub(crate) struct RequestBody {
     messages: Messages,
     /// Largest message, bytes: none is held that has more.
     message_bytes: u64,
-    held: HeldBytes,
+    held: RequestMemory,
     /// Whether a message is done with when the next one is asked for; else with the call.
     has_many: bool,
     /// Longest pause, where there is one.
@@ -38,7 +73,7 @@ impl RequestBody {
     /// A body whose bytes are held by `held`, of a stream of messages where `has_many`, with pauses no longer than `pause`.
     pub(crate) fn new(
         inner: Body,
-        held: HeldBytes,
+        held: RequestMemory,
         message_bytes: usize,
         has_many: bool,
         pause: Option<Duration>,
@@ -50,7 +85,7 @@ impl RequestBody {
     /// Counts what has come.
     fn receive(&mut self, data: &[u8]) -> Result<(), Error> {
         let bytes = self.messages.receive(data, self.message_bytes);
-        self.held.lock().unwrap_or_else(PoisonError::into_inner).take(bytes)
+        self.held.receive(bytes)
     }
 }
 
@@ -61,7 +96,7 @@ impl http_body::Body for RequestBody {
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Status>>> {
         // More is asked for once every whole message has been handed on.
         if self.has_many && self.messages.is_between() {
-            self.held.lock().unwrap_or_else(PoisonError::into_inner).give_back();
+            self.held.give_back();
         }
         match Pin::new(&mut self.inner).poll_frame(cx) {
             Poll::Ready(Some(Ok(frame))) => {

@@ -137,7 +137,7 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         Error::MessageTooLarge { .. } => {
             details.add_quota_failure_violation("limits.message_bytes", message);
         }
-        Error::ClientOverloaded { key, .. } => {
+        Error::ClientOverloaded { key, .. } | Error::MessageTooCostly { key, .. } => {
             details.add_quota_failure_violation(*key, message);
         }
         Error::EtagMismatch { .. }
@@ -189,6 +189,9 @@ fn metadata(error: &Error) -> HashMap<String, String> {
         }
         Error::PermissionDenied { role, .. } => pairs([("role", (*role).to_owned())]),
         Error::MessageTooLarge { limit } => pairs([("limit_bytes", limit.to_string())]),
+        Error::MessageTooCostly { bytes, limit, .. } => {
+            pairs([("limit_bytes", limit.to_string()), ("bytes", bytes.to_string())])
+        }
         Error::JobCancelled { job } => pairs([("job", job.clone())]),
         Error::TakenUp { run } => pairs([("run", run.clone())]),
         Error::RequestIdReused { request_id, .. } => pairs([("request_id", request_id.clone())]),
