@@ -12,6 +12,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Response, Status};
+use tonic_types::StatusExt as _;
 
 use crate::FEEDWAVE;
 use crate::status::{assert_error, violated_fields};
@@ -194,6 +195,36 @@ fn announced(number: u8) -> Vec<UploadProgramRequest> {
     upload_messages(&Bytes::from(vec![b'0' + number; 100]), 0, PIECE)[..1].to_vec()
 }
 
+/// The refusal of a share says which bound it is, and when to try again.
+#[track_caller]
+fn assert_client_limit(status: &Status, key: &str) {
+    assert_error(status, Code::ResourceExhausted, "CLIENT_LIMIT");
+    let details = status.get_error_details();
+    assert_eq!(details.quota_failure().unwrap().violations[0].subject, key, "{status:?}");
+    assert!(details.retry_info().is_some_and(|info| info.retry_delay.is_some()), "{status:?}");
+}
+
+#[tokio::test]
+async fn announced_bytes_of_unfinished_uploads_have_bounds() {
+    let limits =
+        "[limits]\nupload_bytes = 1000\nunfinished_upload_bytes_per_client = 1000\nunfinished_upload_bytes = 1000";
+    let server = feedwave_tests::Home::new(FEEDWAVE, limits).start().await;
+    let mut clients = server.connect().await;
+    for number in 0..10 {
+        send(&mut clients, announced(number)).await.unwrap();
+    }
+    let refused = send(&mut clients, announced(10)).await.unwrap_err();
+    assert_error(&refused, Code::ResourceExhausted, "OVERLOADED");
+    assert!(refused.message().contains("1000 bytes of unfinished uploads"), "{refused:?}");
+
+    let mut home = server.kill().await;
+    home.set_environment(vec![("FEEDWAVE_LIMITS__UNFINISHED_UPLOAD_BYTES".to_owned(), "2000".to_owned())]);
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let refused = send(&mut clients, announced(10)).await.unwrap_err();
+    assert_client_limit(&refused, "limits.unfinished_upload_bytes_per_client");
+}
+
 #[tokio::test]
 async fn headers_without_data_keep_nobody_out_for_long() {
     let limits = "[limits]\nunfinished_uploads_per_client = 3\nunfinished_uploads = 5";
@@ -204,8 +235,8 @@ async fn headers_without_data_keep_nobody_out_for_long() {
         assert_eq!((answer.program.as_str(), answer.received_bytes), ("", 0));
     }
     let refused = send(&mut clients, announced(3)).await.unwrap_err();
-    assert_error(&refused, Code::ResourceExhausted, "OVERLOADED");
-    assert!(refused.message().contains("3 unfinished uploads of this client"), "{refused:?}");
+    assert_client_limit(&refused, "limits.unfinished_uploads_per_client");
+    assert!(refused.message().contains("as many unfinished uploads as one may have, 3"), "{refused:?}");
 
     // An operator sees them, and deletes one.
     let mut programs = ProgramsClient::new(clients.channel.clone());

@@ -6,7 +6,7 @@ mod status;
 
 use std::sync::Arc;
 
-use feedwave_store::StoreError;
+use feedwave_store::{StoreError, UploadBound};
 use tonic::{Code, Status};
 
 pub use feedwave_contract::violations::{InvalidRequest, MAX_VIOLATIONS, Violation, Violations};
@@ -323,7 +323,7 @@ impl From<StoreError> for Error {
                 Self::invalid(what, format!("has {size} bytes, more than the {limit} allowed"))
             }
             StoreError::NulCharacter => Self::invalid("text", error.to_string()),
-            StoreError::LimitReached { what, limit } => Self::Overloaded { what, limit },
+            StoreError::LimitReached { bound, limit } => too_many_uploads(bound, limit),
             StoreError::Incomplete { .. } => Self::internal(error),
             StoreError::HashMismatch { expected, actual } => Self::invalid(
                 "header.sha256",
@@ -347,6 +347,23 @@ impl From<StoreError> for Error {
                 Self::internal(format!("{other}{source}"))
             }
         }
+    }
+}
+
+/// Why there is no further upload: whatever there is for all, or the share of one client.
+const fn too_many_uploads(bound: UploadBound, limit: u64) -> Error {
+    match bound {
+        UploadBound::Uploads | UploadBound::Bytes => Error::Overloaded { what: bound.what(), limit },
+        UploadBound::ClientUploads => Error::ClientOverloaded {
+            what: UploadBound::Uploads.what(),
+            limit,
+            key: "limits.unfinished_uploads_per_client",
+        },
+        UploadBound::ClientBytes => Error::ClientOverloaded {
+            what: UploadBound::Bytes.what(),
+            limit,
+            key: "limits.unfinished_upload_bytes_per_client",
+        },
     }
 }
 

@@ -224,6 +224,8 @@ async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, Sta
         objects: config.store.objects.settings(),
         max_uploads: config.limits.unfinished_uploads,
         max_client_uploads: config.limits.unfinished_uploads_per_client,
+        max_uploads_bytes: config.limits.unfinished_upload_bytes,
+        max_client_uploads_bytes: config.limits.unfinished_upload_bytes_per_client,
         upload_expiry: Duration::from_secs(config.limits.upload_expiry_s),
         max_audit_entries: config.retention.audit_entries,
         replica_name: config.store.replica_name.clone(),

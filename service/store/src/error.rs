@@ -7,7 +7,7 @@ use std::sync::Arc;
 use uuid::Uuid;
 
 use crate::jobs::JobState;
-use crate::programs::ProgramId;
+use crate::programs::{ProgramId, UploadBound};
 use crate::runs::RunState;
 
 /// Shorthand for results of the store.
@@ -134,11 +134,11 @@ pub enum StoreError {
     /// A text has a character that the database cannot keep.
     #[error("a text has the character U+0000, which this database cannot keep")]
     NulCharacter,
-    /// There are as many of something as the settings allow.
-    #[error("there are already {limit} {what}")]
+    /// There are as many unfinished uploads, or bytes of them, as the settings allow.
+    #[error("there are already {limit} {}", bound.what())]
     LimitReached {
         /// What there is enough of.
-        what: &'static str,
+        bound: UploadBound,
         /// How many are allowed.
         limit: u64,
     },

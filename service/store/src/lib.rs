@@ -55,8 +55,8 @@ pub use objects::{InvalidObjectsUri, ObjectSettings, ObjectsUri};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
 pub use presences::{Presence, Presences, ToldPresence};
 pub use programs::{
-    CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo,
-    UploadStart,
+    CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadBound,
+    UploadId, UploadInfo, UploadStart,
 };
 pub use retention::{Removed, Retention, RetentionPolicy};
 pub use runs::{

@@ -176,6 +176,32 @@ pub struct UploadInfo {
     pub updated_us: i64,
 }
 
+/// What there may be only so much of among unfinished uploads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UploadBound {
+    /// Their number.
+    Uploads,
+    /// The number of one client's.
+    ClientUploads,
+    /// The bytes announced for them.
+    Bytes,
+    /// The bytes that one client has announced.
+    ClientBytes,
+}
+
+impl UploadBound {
+    /// What is bounded, in words.
+    #[must_use]
+    pub const fn what(self) -> &'static str {
+        match self {
+            Self::Uploads => "unfinished uploads",
+            Self::ClientUploads => "unfinished uploads of this client",
+            Self::Bytes => "bytes of unfinished uploads",
+            Self::ClientBytes => "bytes of unfinished uploads of this client",
+        }
+    }
+}
+
 /// State of an upload when it begins.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum UploadStart {
@@ -241,7 +267,7 @@ pub trait Programs {
     /// the unfinished upload with the same hash and size. A new one counts as one of `client`.
     ///
     /// # Errors
-    /// `TooLarge`, `LimitReached` if there are too many unfinished uploads, of the client or in all, `Unavailable`.
+    /// `TooLarge`, `LimitReached` if there are too many unfinished uploads or bytes of them, of the client or in all, `Unavailable`.
     async fn begin_upload(&self, expected: ProgramId, size_bytes: u64, client: &str) -> Result<UploadStart>;
 
     /// Appends bytes at `offset`, which must be the number of bytes received so far, and returns

@@ -18,6 +18,10 @@ pub struct StoreSettings {
     pub max_uploads: u32,
     /// Most of these that are one client's; default 64.
     pub max_client_uploads: u32,
+    /// Most bytes announced for unfinished uploads; default 16 GiB.
+    pub max_uploads_bytes: u64,
+    /// Most of these that one client announces; default 4 GiB.
+    pub max_client_uploads_bytes: u64,
     /// How long an unfinished upload is kept to which nothing comes; default one day.
     pub upload_expiry: Duration,
     /// Largest JSON document (profile, tool, settings) in bytes; default 4 MiB.
@@ -49,6 +53,8 @@ impl Default for StoreSettings {
             objects: None,
             max_uploads: 256,
             max_client_uploads: 64,
+            max_uploads_bytes: 16 << 30,
+            max_client_uploads_bytes: 4 << 30,
             upload_expiry: Duration::from_secs(86_400),
             max_document_bytes: 4 << 20,
             max_report_bytes: 64 << 20,
@@ -70,6 +76,8 @@ impl fmt::Debug for StoreSettings {
             .field("objects", &self.objects)
             .field("max_uploads", &self.max_uploads)
             .field("max_client_uploads", &self.max_client_uploads)
+            .field("max_uploads_bytes", &self.max_uploads_bytes)
+            .field("max_client_uploads_bytes", &self.max_client_uploads_bytes)
             .field("upload_expiry", &self.upload_expiry)
             .field("max_document_bytes", &self.max_document_bytes)
             .field("max_report_bytes", &self.max_report_bytes)

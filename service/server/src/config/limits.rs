@@ -19,6 +19,10 @@ pub struct Limits {
     pub unfinished_uploads: u32,
     /// Of these most of one client.
     pub unfinished_uploads_per_client: u32,
+    /// Bytes announced for unfinished uploads.
+    pub unfinished_upload_bytes: u64,
+    /// Of these most of one client.
+    pub unfinished_upload_bytes_per_client: u64,
     /// How long an unfinished upload is kept to which nothing comes, s.
     pub upload_expiry_s: u64,
     /// Largest request message, bytes.
@@ -54,6 +58,8 @@ impl Default for Limits {
             upload_bytes: 2 << 30,
             unfinished_uploads: 256,
             unfinished_uploads_per_client: 64,
+            unfinished_upload_bytes: 16 << 30,
+            unfinished_upload_bytes_per_client: 4 << 30,
             upload_expiry_s: 86_400,
             message_bytes: 4 << 20,
             concurrent_requests: 1_024,
@@ -91,7 +97,7 @@ impl Limits {
     }
 
     /// Each key with its value and the range that it must be in.
-    pub(super) fn ranges(&self) -> [Range; 16] {
+    pub(super) fn ranges(&self) -> [Range; 18] {
         let year_s = 31_536_000;
         let message_bytes = self.message_bytes as u64;
         [
@@ -101,6 +107,14 @@ impl Limits {
             ("limits.upload_bytes", self.upload_bytes, 1, 1 << 40),
             ("limits.unfinished_uploads", self.unfinished_uploads.into(), 1, 100_000),
             ("limits.unfinished_uploads_per_client", self.unfinished_uploads_per_client.into(), 1, 100_000),
+            // A largest program has to fit.
+            ("limits.unfinished_upload_bytes", self.unfinished_upload_bytes, self.upload_bytes, 1 << 50),
+            (
+                "limits.unfinished_upload_bytes_per_client",
+                self.unfinished_upload_bytes_per_client,
+                self.upload_bytes,
+                1 << 50,
+            ),
             ("limits.upload_expiry_s", self.upload_expiry_s, 1, year_s),
             ("limits.concurrent_requests", self.concurrent_requests as u64, 1, 1_000_000),
             ("limits.concurrent_streams", self.concurrent_streams as u64, 1, 10_000),

@@ -16,7 +16,7 @@ use crate::programs::{ProgramInfo, UploadId, UploadInfo, UploadStart};
 use crate::settings::StoreSettings;
 use crate::sql::programs::{Appended, missing_upload, upload_info};
 use crate::sql::record::{parsed, unsigned};
-use crate::sql::uploads::{NewUpload, UploadSteps};
+use crate::sql::uploads::{NewUpload, Unfinished, UploadSteps};
 
 impl PostgresStore {
     pub(super) async fn all_uploads(&self) -> Result<Vec<UploadInfo>> {
@@ -132,11 +132,15 @@ async fn begin(connection: &mut PgConnection, new: NewUpload, now_us: i64) -> Re
     if let Some(row) = unfinished {
         return Ok(UploadStart::Unfinished(upload_info(&row)?));
     }
-    let (all, own) = sqlx::query_as("SELECT COUNT(*), COUNT(*) FILTER (WHERE client = $1) FROM uploads")
-        .bind(&new.client)
-        .fetch_one(&mut *connection)
-        .await?;
-    new.check_counts([all, own])?;
+    // A sum of whole numbers is of another kind there.
+    let unfinished = sqlx::query_as(
+        "SELECT COUNT(*), COUNT(*) FILTER (WHERE client = $1), COALESCE(SUM(size_bytes), 0)::BIGINT,
+             COALESCE(SUM(size_bytes) FILTER (WHERE client = $1), 0)::BIGINT FROM uploads",
+    )
+    .bind(&new.client)
+    .fetch_one(&mut *connection)
+    .await?;
+    new.check_bounds(Unfinished::of(unfinished))?;
     let content = insert_content(&mut *connection).await?;
     let row = sqlx::query(
         "INSERT INTO uploads (id, content_id, expected_id, size_bytes, received_bytes, created_us, updated_us, client)

@@ -14,7 +14,7 @@ use super::programs::{APPENDED_BYTES, Appended, MAX_CLIENT_BYTES};
 use super::record::signed;
 use crate::error::{Result, StoreError, check_size};
 use crate::objects::Written;
-use crate::programs::{CHUNK_BYTES, ProgramId, ProgramInfo, UploadId, UploadInfo, UploadStart};
+use crate::programs::{CHUNK_BYTES, ProgramId, ProgramInfo, UploadBound, UploadId, UploadInfo, UploadStart};
 use crate::settings::StoreSettings;
 
 /// A new upload, as it is asked for.
@@ -26,17 +26,45 @@ pub(crate) struct NewUpload {
     pub(crate) size_bytes: i64,
     /// Who uploads it.
     pub(crate) client: String,
-    /// Most uploads in all, and of one client.
-    pub(crate) limits: [u64; 2],
+    /// How much there may be.
+    pub(crate) limits: [(UploadBound, u64); 4],
+}
+
+/// What there is of unfinished uploads already, in all and of one client.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Unfinished {
+    pub(crate) uploads: i64,
+    pub(crate) client_uploads: i64,
+    pub(crate) bytes: i64,
+    pub(crate) client_bytes: i64,
+}
+
+impl Unfinished {
+    /// Numbers of all and of the client, and bytes of all and of the client.
+    pub(crate) const fn of((uploads, client_uploads, bytes, client_bytes): (i64, i64, i64, i64)) -> Self {
+        Self { uploads, client_uploads, bytes, client_bytes }
+    }
+
+    const fn of_bound(&self, bound: UploadBound) -> i64 {
+        match bound {
+            UploadBound::Uploads => self.uploads,
+            UploadBound::ClientUploads => self.client_uploads,
+            UploadBound::Bytes => self.bytes,
+            UploadBound::ClientBytes => self.client_bytes,
+        }
+    }
 }
 
 impl NewUpload {
-    /// Refuses one more upload where there are so many in all, and of this client.
-    pub(crate) fn check_counts(&self, counts: [i64; 2]) -> Result<()> {
-        let what = ["unfinished uploads", "unfinished uploads of this client"];
-        for ((count, limit), what) in counts.into_iter().zip(self.limits).zip(what) {
-            if count.unsigned_abs() >= limit {
-                return Err(StoreError::LimitReached { what, limit });
+    /// Refuses one more upload where there is too much then. All bytes that are announced count, since all may come.
+    pub(crate) fn check_bounds(&self, unfinished: Unfinished) -> Result<()> {
+        for (bound, limit) in self.limits {
+            let more = match bound {
+                UploadBound::Uploads | UploadBound::ClientUploads => 1,
+                UploadBound::Bytes | UploadBound::ClientBytes => self.size_bytes.unsigned_abs(),
+            };
+            if unfinished.of_bound(bound).unsigned_abs().saturating_add(more) > limit {
+                return Err(StoreError::LimitReached { bound, limit });
             }
         }
         Ok(())
@@ -89,7 +117,13 @@ pub(crate) trait UploadSteps: ObjectSteps {
         if size_bytes > limit {
             return Err(StoreError::TooLarge { what, size: size_bytes, limit });
         }
-        let limits = [self.limits().max_uploads, self.limits().max_client_uploads].map(u64::from);
+        let settings = self.limits();
+        let limits = [
+            (UploadBound::Uploads, settings.max_uploads.into()),
+            (UploadBound::ClientUploads, settings.max_client_uploads.into()),
+            (UploadBound::Bytes, settings.max_uploads_bytes),
+            (UploadBound::ClientBytes, settings.max_client_uploads_bytes),
+        ];
         let new = NewUpload { expected, size_bytes: signed(what, size_bytes)?, client: client.to_owned(), limits };
         // What nobody goes on with keeps nobody out.
         self.discard_expired().await?;

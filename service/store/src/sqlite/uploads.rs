@@ -17,7 +17,7 @@ use crate::programs::{ProgramInfo, UploadId, UploadInfo, UploadStart};
 use crate::settings::StoreSettings;
 use crate::sql::programs::{Appended, missing_upload, upload_info};
 use crate::sql::record::{parsed, unsigned};
-use crate::sql::uploads::{NewUpload, UploadSteps};
+use crate::sql::uploads::{NewUpload, Unfinished, UploadSteps};
 
 impl SqliteStore {
     pub(super) async fn all_uploads(&self) -> Result<Vec<UploadInfo>> {
@@ -116,11 +116,14 @@ async fn begin(tx: &mut Transaction, new: NewUpload) -> Result<UploadStart> {
     if let Some(row) = unfinished {
         return Ok(UploadStart::Unfinished(upload_info(&row)?));
     }
-    let (all, own) = sqlx::query_as("SELECT COUNT(*), COUNT(*) FILTER (WHERE client = ?) FROM uploads")
-        .bind(&new.client)
-        .fetch_one(&mut tx.connection)
-        .await?;
-    new.check_counts([all, own])?;
+    let unfinished = sqlx::query_as(
+        "SELECT COUNT(*), COUNT(*) FILTER (WHERE client = ?1), COALESCE(SUM(size_bytes), 0),
+             COALESCE(SUM(size_bytes) FILTER (WHERE client = ?1), 0) FROM uploads",
+    )
+    .bind(&new.client)
+    .fetch_one(&mut tx.connection)
+    .await?;
+    new.check_bounds(Unfinished::of(unfinished))?;
     let content = insert_content(&mut tx.connection).await?;
     let now_us = tx.now_us();
     let row = sqlx::query(

@@ -1,7 +1,9 @@
 //! Programs uploaded piece by piece.
 
 use bytes::Bytes;
-use feedwave_store::{CHUNK_BYTES, ProgramId, Store, StoreError, StoreSettings, Tenant, UploadInfo, UploadStart};
+use feedwave_store::{
+    CHUNK_BYTES, ProgramId, Store, StoreError, StoreSettings, Tenant, UploadBound, UploadInfo, UploadStart,
+};
 
 use super::{Place, open, read_back, source};
 
@@ -170,6 +172,28 @@ async fn uploads_are_limited_listed_and_deleted() {
 }
 
 #[tokio::test]
+async fn bytes_that_are_announced_have_bounds() {
+    let place = Place::new();
+    let limits = StoreSettings { max_uploads_bytes: 100, max_client_uploads_bytes: 60, ..StoreSettings::default() };
+    let store = place.open(limits).await;
+    let begin = async |number: u8, bytes, client| store.begin_upload(ProgramId::of(&[number]), bytes, client).await;
+    let Ok(UploadStart::Unfinished(first)) = begin(1, 40, "a").await else { panic!("nothing was uploaded yet") };
+    let refused = begin(2, 21, "a").await;
+    assert!(
+        matches!(refused, Err(StoreError::LimitReached { bound: UploadBound::ClientBytes, limit: 60 })),
+        "{refused:?}"
+    );
+    begin(2, 20, "a").await.unwrap();
+    let refused = begin(3, 41, "b").await;
+    assert!(matches!(refused, Err(StoreError::LimitReached { bound: UploadBound::Bytes, limit: 100 })), "{refused:?}");
+    begin(3, 40, "b").await.unwrap();
+    // To go on takes nothing more, and what is discarded makes room.
+    begin(1, 40, "a").await.unwrap();
+    store.delete_upload(first.id).await.unwrap();
+    begin(4, 40, "a").await.unwrap();
+}
+
+#[tokio::test]
 async fn a_client_has_its_share_and_what_nobody_goes_on_with_expires() {
     let place = Place::new();
     let limits = StoreSettings { max_uploads: 3, max_client_uploads: 2, ..StoreSettings::default() };
@@ -179,12 +203,12 @@ async fn a_client_has_its_share_and_what_nobody_goes_on_with_expires() {
     }
     let refused = store.begin_upload(ProgramId::of(b"3"), 1, "a").await;
     assert!(
-        matches!(refused, Err(StoreError::LimitReached { what: "unfinished uploads of this client", limit: 2 })),
+        matches!(refused, Err(StoreError::LimitReached { bound: UploadBound::ClientUploads, limit: 2 })),
         "{refused:?}"
     );
     store.begin_upload(ProgramId::of(b"3"), 1, "b").await.unwrap();
     let refused = store.begin_upload(ProgramId::of(b"4"), 1, "b").await;
-    assert!(matches!(refused, Err(StoreError::LimitReached { what: "unfinished uploads", limit: 3 })), "{refused:?}");
+    assert!(matches!(refused, Err(StoreError::LimitReached { bound: UploadBound::Uploads, limit: 3 })), "{refused:?}");
     assert_eq!(store.uploads().await.unwrap()[2].client, "b");
     assert_eq!(store.expire_uploads().await.unwrap(), 0);
     drop(store);
