@@ -3,7 +3,7 @@
 
 use std::os::unix::fs::PermissionsExt as _;
 
-use feedwave_contract::proto::{GetJobRequest, Job};
+use feedwave_contract::proto::{DeleteJobRequest, GetJobRequest, Job, ProgramsDeleteProgramRequest};
 use feedwave_tests::{Clients, Home, Server, patiently};
 use tonic::{Code, Status};
 use tonic_health::pb::HealthCheckRequest;
@@ -149,6 +149,36 @@ async fn a_hanging_disk_does_not_keep_the_process_alive() {
     readiness(&server, 503, "").await;
     server.signal(rustix::process::Signal::TERM);
     patiently(server.ended()).await;
+}
+
+#[tokio::test]
+async fn records_are_removed_while_there_is_no_room_for_others() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let job = clients.submit(PROGRAM).await.job;
+    let mut home = server.kill().await;
+    // More than any disk has is kept free.
+    let uri = format!("sqlite://{}?headroom_mib=1073741824", home.path().join("feedwave.db").display());
+    home.set_environment(vec![("FEEDWAVE_STORE__URI".to_owned(), uri)]);
+    let server = home.start().await;
+    readiness(&server, 503, "full but for what is kept").await;
+    let mut clients = server.connect().await;
+    assert_unavailable(&clients.create("G21\nG0 X11. Z1.\nM30\n").await.unwrap_err());
+    clients
+        .jobs
+        .delete_job(DeleteJobRequest { name: job.name.clone(), etag: String::new() })
+        .await
+        .expect("it is deleted");
+    let name = job.program;
+    clients.programs.delete_program(ProgramsDeleteProgramRequest { name }).await.expect("it is deleted");
+
+    let mut home = server.kill().await;
+    home.set_environment(Vec::new());
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let gone = clients.jobs.get_job(GetJobRequest { name: job.name }).await.unwrap_err();
+    assert_eq!(gone.code(), Code::NotFound, "{gone:?}");
+    clients.submit(PROGRAM).await;
 }
 
 /// Creates jobs until one is refused: those that were acknowledged, and the refusal.

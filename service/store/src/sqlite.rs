@@ -100,7 +100,7 @@ impl SqliteStore {
     pub(crate) async fn open(options: SqliteOptions, settings: StoreSettings) -> Result<Self> {
         let opened = open::open(&options).await?;
         let readers = opened.readers.clone();
-        let probing = Arc::new(Probing::new(&options.path));
+        let probing = Arc::new(Probing::new(&options));
         let (writer, announced) = Writer::start(opened, probing.clone(), &settings);
         let inner = Inner {
             options,
@@ -123,7 +123,8 @@ impl SqliteStore {
         &self.inner.settings
     }
 
-    /// Does `work` within a transaction; `payload_bytes` is what it holds in memory until then.
+    /// Does `work` within a transaction; `payload_bytes` is what it holds in memory until then. Without any it takes next to
+    /// nothing, and is done while there is no room for others: so records can be removed.
     async fn write<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
     where
         T: Send + 'static,

@@ -4,9 +4,7 @@ use async_trait::async_trait;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::SqliteStore;
-use crate::audit::{
-    Audit, AuditEntry, AuditFilter, AuditRequest, AuditResult, MAX_AUDIT_ENTRIES, MAX_AUDIT_TEXT_BYTES,
-};
+use crate::audit::{Audit, AuditEntry, AuditFilter, AuditRequest, AuditResult, MAX_AUDIT_ENTRIES};
 use crate::error::Result;
 use crate::sql::audit::{Order, REMOVED, ROUND, TENANTS, by_tenant, cut, entry, losses};
 use crate::sql::record::signed;
@@ -165,7 +163,7 @@ impl SqliteStore {
 impl Audit for SqliteStore {
     async fn begin_audit(&self, request: AuditRequest, result: Option<AuditResult>) -> Result<i64> {
         let most = signed("entries of the audit log", self.settings().max_audit_entries)?;
-        self.write(MAX_AUDIT_TEXT_BYTES, move |tx| {
+        self.write(0, move |tx| {
             let at_us = tx.now_us();
             Box::pin(begin(&mut tx.connection, at_us, request, result, most))
         })
@@ -173,7 +171,7 @@ impl Audit for SqliteStore {
     }
 
     async fn end_audit(&self, sequence: i64, result: AuditResult) -> Result<()> {
-        self.write(MAX_AUDIT_TEXT_BYTES, move |tx| {
+        self.write(0, move |tx| {
             let at_us = tx.now_us();
             Box::pin(end(&mut tx.connection, at_us, sequence, result))
         })

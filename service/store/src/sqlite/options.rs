@@ -40,12 +40,17 @@ pub(crate) struct SqliteOptions {
     pub(crate) readers: u32,
     /// How long to wait for a lock held by another process, or for a free reader.
     pub(crate) busy_timeout: Duration,
+    /// Free space of the disk that is kept for removing records, bytes; where none is stated, [`DEFAULT_HEADROOM`].
+    pub(crate) headroom: Option<u64>,
 }
+
+/// Free space that is kept where none is stated, bytes: as much as the log holds before a commit moves it into the database.
+pub(crate) const DEFAULT_HEADROOM: u64 = 64 << 20;
 
 impl SqliteOptions {
     /// This file, used in the default manner.
     pub(crate) fn new(path: impl Into<PathBuf>) -> Self {
-        Self { path: path.into(), readers: 4, busy_timeout: Duration::from_secs(5) }
+        Self { path: path.into(), readers: 4, busy_timeout: Duration::from_secs(5), headroom: None }
     }
 
     /// The URI of the file.
@@ -77,9 +82,10 @@ impl SqliteOptions {
             match &*key {
                 "readers" => options.readers = number(&key, &value, 1, 64)?,
                 "busy_timeout_s" => options.busy_timeout = Duration::from_secs(number(&key, &value, 0, 3_600)?.into()),
+                "headroom_mib" => options.headroom = Some(u64::from(number(&key, &value, 0, 1 << 30)?) << 20),
                 _ => {
                     return Err(InvalidStoreUri::new(format!(
-                        "the option {key:?} is unknown, known are: readers, busy_timeout_s (a ? in a path is written %3F)"
+                        "the option {key:?} is unknown, known are: readers, busy_timeout_s, headroom_mib (a ? in a path is written %3F)"
                     )));
                 }
             }

@@ -2,6 +2,7 @@
 
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -9,15 +10,20 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use super::SqliteStore;
+use super::options::{DEFAULT_HEADROOM, SqliteOptions};
 use crate::error::{Result, StoreError};
 
 /// What a probe writes once a write has failed, bytes: where this fits, ordinary writes do.
 const BALLAST_BYTES: i64 = 1 << 20;
 
+/// The part of a file system of which no more is kept free where it is not stated how much.
+const SMALL_DISK: u64 = 16;
+
 /// Why writes are refused without being tried.
 pub(super) type Blocked = Option<&'static str>;
 
 const STALLED: &str = "the disk does not answer in time";
+const NO_ROOM: &str = "the disk is full but for what is kept for removing records";
 const GONE: &str = "its file was removed or replaced while it was open";
 
 /// What is known about writing.
@@ -32,6 +38,10 @@ pub(super) struct Probing {
     file: Option<(u64, u64)>,
     path: PathBuf,
     pending: Mutex<Pending>,
+    /// Free space of the disk that is kept, bytes, where that is stated.
+    headroom: Option<u64>,
+    /// Whether there was less when it was looked at last.
+    cramped: AtomicBool,
 }
 
 #[derive(Debug, Default)]
@@ -50,8 +60,11 @@ fn identity(path: &Path) -> Option<(u64, u64)> {
 
 impl Probing {
     /// Of a file that has just been opened.
-    pub(super) fn new(path: &Path) -> Self {
+    pub(super) fn new(options: &SqliteOptions) -> Self {
+        let path = &options.path;
         Self {
+            headroom: options.headroom,
+            cramped: AtomicBool::new(false),
             blocked: watch::channel(None).0,
             faults: watch::channel(0).0,
             stuck: Mutex::default(),
@@ -86,6 +99,24 @@ impl Probing {
         if before.is_none() && stuck.is_some() {
             self.fault();
         }
+    }
+
+    /// Why writes that bring bytes are refused: what is left of the disk is kept for removing records.
+    pub(super) fn cramped(&self) -> Blocked {
+        let is_cramped = self.is_cramped();
+        if is_cramped && !self.cramped.swap(true, Ordering::Relaxed) {
+            self.fault();
+        }
+        self.cramped.store(is_cramped, Ordering::Relaxed);
+        is_cramped.then_some(NO_ROOM)
+    }
+
+    fn is_cramped(&self) -> bool {
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // A file system that does not say how much there is has no bound but its own.
+        let Ok(disk) = rustix::fs::statvfs(folder) else { return false };
+        let kept = self.headroom.unwrap_or_else(|| DEFAULT_HEADROOM.min(disk.f_blocks * disk.f_frsize / SMALL_DISK));
+        disk.f_bavail.saturating_mul(disk.f_frsize) < kept
     }
 
     fn stuck(&self) -> MutexGuard<'_, Blocked> {
@@ -129,7 +160,8 @@ impl SqliteStore {
         pending.failed = result.is_err();
         pending.faults = faults;
         // Small writes may find room in a log that can no longer be emptied, for as long as that lasts.
-        match *probing.stuck() {
+        let reason = *probing.stuck();
+        match reason.or_else(|| probing.cramped()) {
             Some(reason) => result.and(Err(StoreError::unavailable(reason))),
             None => result,
         }

@@ -127,6 +127,7 @@ impl Writer {
             observer: settings.observer.clone(),
             counters: counters.clone(),
             commits,
+            probing: probing.clone(),
             _alive: alive,
             _lock: lock,
         };
@@ -187,7 +188,13 @@ impl Writer {
         let place = queue.reserve().await.map_err(|_| closed())?;
         let (reply, answer) = oneshot::channel();
         self.counters.queued.fetch_add(1, Ordering::Relaxed);
-        place.send(Box::new(Write { work: Some(work), result: None, reply, _permit: permit }));
+        place.send(Box::new(Write {
+            work: Some(work),
+            result: None,
+            reply,
+            brings_bytes: payload_bytes > 0,
+            _permit: permit,
+        }));
         answer.await.map_err(|_| closed())?
     }
 
@@ -229,6 +236,9 @@ trait Operation: Send {
     /// Does the write and keeps its result; true if it is to stay.
     fn run<'t>(&'t mut self, transaction: &'t mut Transaction) -> BoxFuture<'t, bool>;
 
+    /// Whether it takes more space than next to nothing.
+    fn brings_bytes(&self) -> bool;
+
     /// Answers the caller with the result, or with why the transaction failed.
     fn answer(self: Box<Self>, fault: Option<&StoreError>);
 }
@@ -237,6 +247,7 @@ struct Write<T, F> {
     work: Option<F>,
     result: Option<Result<T>>,
     reply: oneshot::Sender<Result<T>>,
+    brings_bytes: bool,
     _permit: OwnedSemaphorePermit,
 }
 
@@ -252,6 +263,10 @@ where
             }
             matches!(self.result, Some(Ok(_)))
         })
+    }
+
+    fn brings_bytes(&self) -> bool {
+        self.brings_bytes
     }
 
     fn answer(self: Box<Self>, fault: Option<&StoreError>) {
@@ -277,6 +292,7 @@ struct Task {
     counters: Arc<Counters>,
     /// Told after every commit.
     commits: Arc<Notify>,
+    probing: Arc<Probing>,
     /// Its end also ends the receivers of the commits.
     _alive: oneshot::Sender<()>,
     /// Held until the last write is done.
@@ -287,12 +303,28 @@ impl Task {
     async fn run(mut self, mut queue: mpsc::Receiver<Box<dyn Operation>>, max_operations: usize) {
         let mut batch = Vec::new();
         while queue.recv_many(&mut batch, max_operations).await > 0 {
-            self.process(&mut batch).await;
+            self.refuse_without_room(&mut batch);
+            if !batch.is_empty() {
+                self.process(&mut batch).await;
+            }
         }
         if let Some(transaction) = self.transaction
             && let Err(error) = transaction.connection.close().await
         {
             tracing::warn!(%error, "closing the database failed");
+        }
+    }
+
+    /// Refuses what brings bytes where the disk has no room for it.
+    fn refuse_without_room(&self, batch: &mut Vec<Box<dyn Operation>>) {
+        if !batch.iter().any(|operation| operation.brings_bytes()) {
+            return;
+        }
+        let Some(fault) = self.probing.cramped().map(StoreError::unavailable) else { return };
+        for operation in batch.extract_if(.., |operation| operation.brings_bytes()) {
+            self.counters.queued.fetch_sub(1, Ordering::Relaxed);
+            self.counters.failed.fetch_add(1, Ordering::Relaxed);
+            operation.answer(Some(&fault));
         }
     }
 
