@@ -139,6 +139,32 @@ async fn a_file_that_is_gone() {
 }
 
 #[tokio::test]
+async fn what_is_written_into_a_removed_file_is_not_acknowledged() {
+    for (behind, reason) in
+        [("", "its file was removed"), ("-wal", "(-wal) was removed"), ("-shm", "(-shm) was removed")]
+    {
+        let server = Server::start(FEEDWAVE).await;
+        let mut clients = server.connect().await;
+        let before = clients.submit(PROGRAM).await.job.name;
+        std::fs::remove_file(server.home().path().join(format!("feedwave.db{behind}"))).expect("it is removed");
+        let told = clients.create("G21\nG0 X11. Z1.\nM30\n").await.map(|job| job.name);
+        assert_unavailable(&told.unwrap_err());
+        readiness(&server, 503, reason).await;
+        health(&clients, ServingStatus::NotServing).await;
+        if behind.is_empty() {
+            continue;
+        }
+        // The end in order moves what the log has into the database.
+        server.signal(rustix::process::Signal::TERM);
+        let (_, home) = patiently(server.ended()).await;
+        let server = home.start().await;
+        let mut clients = server.connect().await;
+        clients.jobs.get_job(GetJobRequest { name: before }).await.expect("what was acknowledged is kept");
+        clients.submit(PROGRAM).await;
+    }
+}
+
+#[tokio::test]
 async fn a_hanging_disk_does_not_keep_the_process_alive() {
     let faults = Faults::new();
     let mut home = Home::new(FEEDWAVE, "[limits]\ndrain_s = 1");

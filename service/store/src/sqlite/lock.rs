@@ -73,7 +73,9 @@ impl FileLock {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 return Err(StoreError::InUseBy {
-                    holder: "another process by another name of it (a hard link)".to_owned(),
+                    holder:
+                        "another process, whose lock file was removed, or which has it by another name (a hard link)"
+                            .to_owned(),
                 });
             }
             Err(TryLockError::Error(error)) => return Err(cannot(error)),

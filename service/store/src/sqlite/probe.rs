@@ -25,6 +25,9 @@ pub(super) type Blocked = Option<&'static str>;
 const STALLED: &str = "the disk does not answer in time";
 const NO_ROOM: &str = "the disk is full but for what is kept for removing records";
 const GONE: &str = "its file was removed or replaced while it was open";
+const LOG_GONE: &str =
+    "its log (-wal) was removed or replaced while it was open: end the service in order and start it again";
+const INDEX_GONE: &str = "the index of its log (-shm) was removed or replaced while it was open: end the service in order and start it again";
 
 /// What is known about writing.
 #[derive(Debug)]
@@ -34,8 +37,9 @@ pub(super) struct Probing {
     faults: watch::Sender<u64>,
     /// Why the log could not be moved into the database when that was last tried.
     stuck: Mutex<Blocked>,
-    /// The file as it was opened: device and number.
-    file: Option<(u64, u64)>,
+    /// The files, as they were opened, with why nothing is written once one is another: what is written then is in no file that
+    /// anybody finds again.
+    files: [(PathBuf, Option<Identity>, &'static str); 3],
     path: PathBuf,
     pending: Mutex<Pending>,
     /// Free space of the disk that is kept, bytes, where that is stated.
@@ -54,7 +58,21 @@ struct Pending {
     faults: u64,
 }
 
-fn identity(path: &Path) -> Option<(u64, u64)> {
+/// Device and number of a file.
+type Identity = (u64, u64);
+
+/// The files of a database. Those beside it are beside what its name is a link to.
+fn names(path: &Path) -> [(PathBuf, &'static str); 3] {
+    let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let beside = |behind: &str| {
+        let mut name = real.clone().into_os_string();
+        name.push(behind);
+        PathBuf::from(name)
+    };
+    [(path.to_owned(), GONE), (beside("-wal"), LOG_GONE), (beside("-shm"), INDEX_GONE)]
+}
+
+fn identity(path: &Path) -> Option<Identity> {
     std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()))
 }
 
@@ -68,7 +86,7 @@ impl Probing {
             blocked: watch::channel(None).0,
             faults: watch::channel(0).0,
             stuck: Mutex::default(),
-            file: identity(path),
+            files: names(path).map(|(name, reason)| (name.clone(), identity(&name), reason)),
             path: path.to_owned(),
             pending: Mutex::default(),
         }
@@ -123,6 +141,13 @@ impl Probing {
         self.stuck.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Why nothing is written any more: a file is not the one that was opened. Writes are then refused without being tried.
+    pub(super) fn gone(&self) -> Blocked {
+        let (_, _, reason) = self.files.iter().find(|(name, file, _)| identity(name) != *file)?;
+        self.block(Some(reason));
+        Some(reason)
+    }
+
     fn block(&self, reason: Blocked) {
         self.blocked.send_if_modified(|blocked| std::mem::replace(blocked, reason) != reason);
     }
@@ -132,9 +157,8 @@ impl SqliteStore {
     /// See [`crate::Database::probe`].
     pub(super) async fn probe_writing(&self, patience: Duration) -> Result<()> {
         let probing = &self.inner.probing;
-        if identity(&probing.path) != probing.file {
-            probing.block(Some(GONE));
-            return Err(StoreError::unavailable(GONE));
+        if let Some(reason) = probing.gone() {
+            return Err(StoreError::unavailable(reason));
         }
         let (mut write, faults) = {
             let mut pending = probing.pending();

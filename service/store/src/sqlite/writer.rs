@@ -359,11 +359,12 @@ impl Task {
         // Taken out, so that on every early end the connection closes and rolls back.
         let mut transaction = match self.transaction.take() {
             Some(transaction) => transaction,
-            None => Transaction {
-                connection: self.options.connect().await?,
-                latest_us: self.latest_us,
-                newest: self.announcer.newest(),
-            },
+            None => {
+                // It would make what is missing anew, beside the files that the others have.
+                self.check_files()?;
+                let connection = self.options.connect().await?;
+                Transaction { connection, latest_us: self.latest_us, newest: self.announcer.newest() }
+            }
         };
         // Each statement is a hop to the connection's thread, so what can go together does.
         sqlx::query("BEGIN IMMEDIATE; SAVEPOINT operation").execute(&mut transaction.connection).await?;
@@ -384,6 +385,14 @@ impl Task {
         }
         let newest = transaction.newest;
         self.transaction = Some(transaction);
+        // What is in a file without a name is not kept.
+        self.check_files()?;
         Ok((succeeded, newest))
+    }
+
+    fn check_files(&self) -> Result<()> {
+        let Some(reason) = self.probing.gone() else { return Ok(()) };
+        self.probing.fault();
+        Err(StoreError::unavailable(reason))
     }
 }
