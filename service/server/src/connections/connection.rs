@@ -126,11 +126,12 @@ impl Connection {
         }
     }
 
-    /// Frames of HTTP/2 have come, after which this is incomplete; `begun` where it was complete in between.
+    /// Frames of HTTP/2 have come, after which this is incomplete; `begun` where it was complete in between. Data may come slowly: their
+    /// time is that since the last of them.
     fn received_frames(&self, partial: Option<Partial>, begun: bool) {
         let mut open = self.open();
         open.partial_frame = partial.map(|partial| match open.partial_frame {
-            Some((_, since)) if !begun => (partial, since),
+            Some((_, since)) if !begun && partial != Partial::Data => (partial, since),
             _ => (partial, Instant::now()),
         });
     }
@@ -141,10 +142,14 @@ impl Connection {
         self.end_unread(now);
         let open = self.open();
         let mut next = now + look_again(limits.unread_timeout().min(limits.idle_timeout()));
-        // While calls go on a network may stall in the middle of any frame, but a head holds up all that comes behind it.
-        let since = open.partial_frame.filter(|(partial, _)| open.calls == 0 || *partial == Partial::Head);
-        if let Some((_, since)) = since {
-            let until = since + limits.header_timeout();
+        // While calls go on a network may stall in the middle of any frame, but a head holds up all that comes behind it, and data
+        // do not stall for longer than any part of a request may.
+        let until = open.partial_frame.and_then(|(partial, since)| match partial {
+            Partial::Data if open.calls > 0 => Some(since + limits.request_timeout()),
+            Partial::Frame if open.calls > 0 => None,
+            _ => Some(since + limits.header_timeout()),
+        });
+        if let Some(until) = until {
             if until <= now {
                 return Due::Cut;
             }
@@ -352,13 +357,22 @@ mod tests {
         heard.received(&[0, 0, 0, 9, 4, 0, 0, 0, 1]);
         assert!(matches!(due(&connection), Due::Later(_)));
 
-        // Within a call data may stall; between calls nothing may.
+        // Within a call data may stall as long as any part of a request, and come slowly; between calls nothing may.
         heard.received(&[0, 0, 200, 0, 0, 0, 0, 0, 1, 7]);
-        tokio::time::advance(seconds(1_000)).await;
-        assert!(matches!(due(&connection), Due::Later(_)));
+        for _ in 0..3 {
+            tokio::time::advance(seconds(59)).await;
+            assert!(matches!(due(&connection), Due::Later(_)));
+            heard.received(&[7]);
+        }
+        tokio::time::advance(seconds(60)).await;
+        assert_eq!(due(&connection), Due::Cut);
+        heard.received(&[7]);
         drop(call);
-        assert!(matches!(due(&connection), Due::Later(_)), "what is left of a body is nobody's head");
-        heard.received(&[7; 199]);
+        tokio::time::advance(seconds(9)).await;
+        assert!(matches!(due(&connection), Due::Later(_)), "what is left of a body may come");
+        tokio::time::advance(seconds(1)).await;
+        assert_eq!(due(&connection), Due::Cut);
+        heard.received(&[7; 195]);
         heard.received(&[0, 0, 8, 6]);
         tokio::time::advance(seconds(10)).await;
         assert_eq!(due(&connection), Due::Cut);

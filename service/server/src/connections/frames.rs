@@ -20,6 +20,8 @@ pub(super) enum Partial {
     Head,
     /// The first frame after the preface, or any other but one of data.
     Frame,
+    /// A frame of data: what comes behind it waits, also for other calls.
+    Data,
 }
 
 /// Where in its frames a connection is.
@@ -43,8 +45,10 @@ impl Frames {
         if self.is_head_open || of_head {
             return Some(Partial::Head);
         }
-        let within = self.head_bytes > 0 || self.rest > 0 && self.head[3] != kind::DATA;
-        if within || !self.has_begun { Some(Partial::Frame) } else { None }
+        if self.rest > 0 && self.head[3] == kind::DATA && self.has_begun {
+            return Some(Partial::Data);
+        }
+        if self.head_bytes > 0 || self.rest > 0 || !self.has_begun { Some(Partial::Frame) } else { None }
     }
 
     /// Takes what has come; whether there was a moment at which nothing was incomplete.
