@@ -400,7 +400,7 @@ async fn what_is_kept_no_longer_is_removed_but_not_by_a_dry_run() {
         }
     };
     let server = home.start().await;
-    patiently(removed(&server, "dry run: this would be removed jobs=3 runs=0 programs=0 events=15")).await;
+    patiently(removed(&server, "dry run: this would be removed jobs=3 runs=0 programs=3 events=15")).await;
     let metrics = server.web().get("/metrics").await;
     assert!(metrics.text().contains("feedwave_retention_expired{kind=\"jobs\"} 3"), "{}", metrics.text());
     assert_eq!(jobs(&mut server.connect().await).await.len(), 5);

@@ -29,6 +29,18 @@ const PROGRAMS: &str = "FROM programs AS j WHERE j.created_us < $1
 const EVENTS: &str = "FROM job_events AS j WHERE j.at_us < $1";
 const AUDIT: &str = "FROM audit_entries AS j WHERE j.at_us < $1";
 
+/// Programs that may go and were made before a time, `$1`, once the jobs are gone that were changed before `jobs_cutoff`.
+fn programs_without(jobs_cutoff: Option<i64>) -> String {
+    let stays = jobs_cutoff.map_or_else(String::new, |cutoff| {
+        format!("AND k.id NOT IN (SELECT j.id {})", JOBS.replace("$1", &cutoff.to_string()))
+    });
+    format!(
+        "FROM programs AS p WHERE p.created_us < $1
+            AND NOT EXISTS (SELECT 1 FROM jobs AS k WHERE k.program_id = p.id {stays})
+            AND NOT EXISTS (SELECT 1 FROM job_programs AS f JOIN jobs AS k ON k.id = f.job_id WHERE f.program_id = p.id {stays})"
+    )
+}
+
 /// The steps that a database does, and what is made of them.
 #[async_trait]
 pub(crate) trait RetentionSteps: ObjectSteps + Jobs + Programs {
@@ -161,7 +173,7 @@ impl<S: RetentionSteps> Retention for S {
         Ok(Removed {
             jobs: self.count(JOBS, policy.jobs).await?,
             runs: self.count(RUNS, policy.runs).await?,
-            programs: self.count(PROGRAMS, policy.programs).await?,
+            programs: self.count(&programs_without(policy.jobs.map(|age| self.cutoff(age))), policy.programs).await?,
             events: self.count(EVENTS, policy.events).await?,
             audit: self.count(AUDIT, policy.audit).await?,
         })

@@ -1,4 +1,6 @@
-//! What goes beyond the size that is kept.
+//! What goes beyond the size that is kept, and what a dry run says of it.
+
+use std::time::Duration;
 
 use bytes::Bytes;
 use feedwave_store::{
@@ -82,4 +84,23 @@ async fn beyond_the_size(store: &Store) -> u64 {
     assert_eq!(store.upload(upload.id).await.unwrap().received_bytes, unfinished.len() as u64);
     assert_eq!(store.remove_expired(&policy).await.unwrap(), Removed::default(), "what is enough once is enough again");
     removed.programs
+}
+
+#[tokio::test]
+async fn a_dry_run_counts_the_programs_of_the_jobs_that_go() {
+    let place = Place::new();
+    let store = open(&place).await;
+    let mut programs = Vec::new();
+    for index in 0..4 {
+        programs.push(store.put_program(Tenant::DEFAULT, noise(index + 1, 100)).await.unwrap().id);
+    }
+    // One job goes with two programs, one waits and keeps one, which the first one used as well; nobody uses the last one.
+    let further = NewJob { further_program_ids: vec![programs[1], programs[2]], ..new_job("goes", programs[0]) };
+    ready(&store, further).await;
+    store.create_job(new_job("waits", programs[2])).await.unwrap();
+    let policy = |jobs| RetentionPolicy { jobs, programs: Some(Duration::ZERO), ..RetentionPolicy::default() };
+    assert_eq!(store.expired(&policy(None)).await.unwrap(), Removed { programs: 1, ..Removed::default() });
+    let foreseen = store.expired(&policy(Some(Duration::ZERO))).await.unwrap();
+    assert_eq!(foreseen, Removed { jobs: 1, programs: 3, ..Removed::default() });
+    assert_eq!(store.remove_expired(&policy(Some(Duration::ZERO))).await.unwrap(), foreseen);
 }
