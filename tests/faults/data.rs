@@ -323,8 +323,33 @@ async fn what_is_newer_or_damaged_is_not_restored() {
     assert_exit("restore", target.path(), &[&file(&home), "--accept-damage"], 0, "restored").await;
     std::fs::write(target.path().join("other"), b"SQLite format 3\0 or not").expect("a file");
     let other = target.path().join("other").to_str().expect("text").to_owned();
-    let output = run("restore", target.path(), &[&other]).await;
-    assert_eq!(output.status.code(), Some(2), "{}", told(&output));
+    // It is told of the file that is wrong.
+    assert_exit("restore", target.path(), &[&other], 2, &other).await;
+    let absent = format!("{other}.absent");
+    assert_exit("restore", target.path(), &[&absent], 2, &format!("{absent}: ")).await;
+}
+
+#[tokio::test]
+async fn rows_that_are_gone_from_the_logs_are_told() {
+    for (sql, told) in [
+        ("DELETE FROM job_events WHERE sequence = 2", "events 2 to 2 are not there"),
+        ("DELETE FROM job_events WHERE sequence > 1", "events 2 to "),
+        ("DELETE FROM audit_entries WHERE sequence = 1", "entries are there"),
+    ] {
+        let server = Server::start(FEEDWAVE).await;
+        let mut clients = server.connect().await;
+        for _ in 0..2 {
+            clients.submit("G21\nM30\n").await;
+        }
+        assert_exit("check", server.home().path(), &[], 0, "intact").await;
+        let home = damaged(server, sql).await;
+        assert_exit("check", home.path(), &[], 1, told).await;
+    }
+    // What retention removes is not missing.
+    let server = Server::start(FEEDWAVE).await;
+    server.connect().await.submit("G21\nM30\n").await;
+    let home = damaged(server, "DELETE FROM job_events WHERE sequence <= 2").await;
+    assert_exit("check", home.path(), &[], 0, "intact").await;
 }
 
 #[tokio::test]

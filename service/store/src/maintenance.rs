@@ -102,10 +102,12 @@ pub async fn backup(uri: &StoreUri, to: &Path) -> Result<CopyReport> {
 /// # Errors
 /// `InUseBy` a service, `Incompatible` if the copy is of a newer version or no copy, `Damaged` if it is not intact and
 /// `accept_damage` does not say otherwise, `CannotOpen`, `CannotCopy`, `Unavailable`.
-pub async fn restore(uri: &StoreUri, from: &Path, accept_damage: bool) -> Result<CopyReport> {
+pub async fn restore(uri: &StoreUri, from: &Path, accept_damage: bool) -> Result<CopyReport, CopyError> {
     match uri.place() {
         Place::Sqlite(options) => maintenance::restore(options, from, accept_damage).await,
-        Place::Postgres(_) => Err(of_the_server("restoring it is the server's: pg_restore, or its own backups")),
+        Place::Postgres(_) => {
+            Err(CopyError::To(of_the_server("restoring it is the server's: pg_restore, or its own backups")))
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use feedwave_store::{
+    CopyError,
     CHUNK_BYTES, ObjectSettings, ProgramId, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
 };
 use sqlx::sqlite::SqliteConnectOptions;
@@ -306,7 +307,7 @@ async fn what_cannot_be_verified_is_no_intact_program() {
     assert_eq!((copied.programs, copied.programs_in_objects), (3, 3));
     let elsewhere = StoreUri::of_file(&folder.path().join("restored.db")).unwrap();
     let refused = feedwave_store::restore(&elsewhere, &copy, false).await;
-    assert!(matches!(refused, Err(StoreError::Damaged { count: 3, .. })), "{refused:?}");
+    assert!(matches!(refused, Err(CopyError::From(StoreError::Damaged { count: 3, .. }))), "{refused:?}");
     set(&fake, Mood::Good);
     assert_eq!(feedwave_store::restore(&elsewhere, &copy, false).await.unwrap().programs_in_objects, 3);
 }

@@ -167,11 +167,12 @@ pub async fn backup(args: BackupArgs, global: &GlobalArgs) -> Result<ExitCode, C
 pub async fn restore(args: RestoreArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let uri = args.store.uri(global)?;
     let report = feedwave_store::restore(&uri, &args.from, args.accept_damage).await.map_err(|error| match error {
-        StoreError::Damaged { .. } => CliError {
+        CopyError::From(error @ StoreError::Damaged { .. }) => CliError {
             message: format!("{}: {error}; --accept-damage restores it all the same", args.from.display()),
             exit_code: EXIT_REFUSED,
         },
-        error => failed(&uri, &error),
+        CopyError::From(error) => failed(args.from.display(), &error),
+        CopyError::To(error) => failed(&uri, &error),
     })?;
     print(&format!("{uri}: restored from {}: {}\n", args.from.display(), of(&report)))?;
     Ok(ExitCode::SUCCESS)

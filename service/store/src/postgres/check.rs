@@ -24,6 +24,8 @@ pub(crate) async fn check(options: &PostgresOptions, read_decision: ReadDecision
 impl Verified for PgConnection {
     type Row = PgRow;
 
+    const NEWEST_EVENT: &'static str = "SELECT newest FROM counters WHERE name = 'event'";
+
     async fn rows(&mut self, sql: &'static str, parameters: &[Parameter<'_>]) -> Result<Vec<PgRow>> {
         let mut query = sqlx::query(sql);
         for parameter in parameters {

@@ -50,6 +50,9 @@ pub(crate) trait Verified: Send {
     /// Rows of a query with parameters `$1` and so on.
     async fn rows(&mut self, sql: &'static str, parameters: &[Parameter<'_>]) -> Result<Vec<Self::Row>>;
 
+    /// The number of the newest event that there ever was, `newest`.
+    const NEWEST_EVENT: &'static str;
+
     /// Whether an error tells of damage, and not of a database that does not answer.
     fn is_damage(error: &StoreError) -> bool;
 }
@@ -426,11 +429,52 @@ impl<D: Verified> Check<D> {
             parsed_option::<JobState>(row, "to_state")?;
             Ok(())
         })
-        .await
+        .await?;
+        self.lost_events().await
+    }
+
+    /// Numbers that no event has. Retention removes the earliest events, so none behind one that is as early as the next one.
+    async fn lost_events(&mut self) -> Result<()> {
+        let newest = self.log_rows(D::NEWEST_EVENT).await?.first().map_or(Ok(0), |row| row.integer("newest"))?;
+        let gaps = "SELECT before, sequence FROM (SELECT sequence, at_us, LAG(sequence) OVER (ORDER BY sequence) AS before,
+                LAG(at_us) OVER (ORDER BY sequence) AS before_us FROM job_events) AS e
+            WHERE sequence > before + 1 AND at_us >= before_us ORDER BY sequence LIMIT 1000";
+        let mut lost = Vec::new();
+        for row in self.log_rows(gaps).await? {
+            lost.push((row.integer("before")? + 1, row.integer("sequence")? - 1));
+        }
+        let last = self.log_rows("SELECT sequence FROM job_events ORDER BY sequence DESC LIMIT 1").await?;
+        if let Some(last) = last.first().map(|row| row.integer("sequence")).transpose()?
+            && last < newest
+        {
+            lost.push((last + 1, newest));
+        }
+        for (first, last) in lost {
+            self.problem("event", first, format!("events {first} to {last} are not there"), EVENT);
+        }
+        Ok(())
+    }
+
+    /// Rows about a log; none where damage, which reading the log itself tells of, keeps them from being read.
+    async fn log_rows(&mut self, sql: &'static str) -> Result<Vec<D::Row>> {
+        match self.database.rows(sql, &[]).await {
+            Err(error) if D::is_damage(&error) => Ok(Vec::new()),
+            rows => rows,
+        }
     }
 
     async fn audit(&mut self) -> Result<()> {
         let sql = "SELECT * FROM audit_entries WHERE sequence > $1 ORDER BY sequence LIMIT 1000";
-        self.log("audit entry", sql, AUDIT, |row| entry(row).map(drop)).await
+        self.log("audit entry", sql, AUDIT, |row| entry(row).map(drop)).await?;
+        // Whatever rules remove entries, they are counted out.
+        let counts = "SELECT tenant, entries, there FROM (SELECT t.tenant, t.entries,
+                (SELECT COUNT(*) FROM audit_entries AS e WHERE e.tenant = t.tenant) AS there
+            FROM audit_tenants AS t) AS counted WHERE entries <> there ORDER BY tenant LIMIT 1000";
+        for row in self.log_rows(counts).await? {
+            let (there, entries) = (row.integer("there")?, row.integer("entries")?);
+            let reason = format!("{there} of {entries} entries are there");
+            self.problem("audit entry", row.text("tenant")?.to_owned(), reason, AUDIT);
+        }
+        Ok(())
     }
 }

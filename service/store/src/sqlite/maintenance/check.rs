@@ -26,6 +26,8 @@ pub(crate) async fn check(path: &Path, read_decision: ReadDecision) -> Result<Ch
 impl Verified for SqliteConnection {
     type Row = SqliteRow;
 
+    const NEWEST_EVENT: &'static str = "SELECT seq AS newest FROM sqlite_sequence WHERE name = 'job_events'";
+
     async fn rows(&mut self, sql: &'static str, parameters: &[Parameter<'_>]) -> Result<Vec<SqliteRow>> {
         let mut query = sqlx::query(sql);
         for parameter in parameters {

@@ -6,29 +6,49 @@ use sqlx::{Connection, SqliteConnection};
 
 use super::{beside, check, connect, copy, failed, remove, sync_folder};
 use crate::error::{Result, StoreError};
-use crate::maintenance::CopyReport;
+use crate::maintenance::{CopyError, CopyReport};
 use crate::sqlite::SqliteOptions;
 use crate::sqlite::lock::FileLock;
 
 /// See [`crate::restore`].
-pub(crate) async fn restore(options: &SqliteOptions, from: &Path, accept_damage: bool) -> Result<CopyReport> {
+pub(crate) async fn restore(
+    options: &SqliteOptions,
+    from: &Path,
+    accept_damage: bool,
+) -> Result<CopyReport, CopyError> {
     let path = options.path.as_path();
-    let mut source = connect(from).await?;
-    let _lock = FileLock::take(path, options.busy_timeout).await?;
+    let source = connect(from).await.map_err(CopyError::From)?;
+    let _lock = FileLock::take(path, options.busy_timeout).await.map_err(CopyError::To)?;
     let part = beside(path, ".restoring");
-    remove(&part)?;
+    let report = copied(source, &part, accept_damage).await?;
+    replace(path, &part).await.map_err(CopyError::To)?;
+    Ok(report)
+}
+
+/// Makes a whole copy beside the database. What does not succeed is about whence it comes, but for what the disk does.
+async fn copied(mut source: SqliteConnection, part: &Path, accept_damage: bool) -> Result<CopyReport, CopyError> {
+    remove(part).map_err(CopyError::To)?;
     // What is verified is the copy: what will be used.
-    let report = copy(&mut source, &part).await?;
-    source.close().await?;
-    let found = check(&part, |_| Ok(())).await?;
+    let report = copy(&mut source, part).await.map_err(|error| match error {
+        StoreError::Corrupt { .. } | StoreError::Incompatible(_) => CopyError::From(error),
+        error => CopyError::To(error),
+    })?;
+    // Nothing was written to it.
+    let _ = source.close().await;
+    let found = check(part, |_| Ok(())).await.map_err(CopyError::From)?;
     if let Some(first) = found.problems.first()
         && !accept_damage
     {
-        remove(&part)?;
+        remove(part).map_err(CopyError::To)?;
         let count = found.problems.len() as u64 + found.further_problems;
         let first = format!("{} {}: {}", first.kind, first.id, first.reason);
-        return Err(StoreError::Damaged { count, first });
+        return Err(CopyError::From(StoreError::Damaged { count, first }));
     }
+    Ok(report)
+}
+
+/// Puts a copy in the place of the database.
+async fn replace(path: &Path, part: &Path) -> Result<()> {
     if path.exists() {
         keep(path).await?;
     }
@@ -36,9 +56,8 @@ pub(crate) async fn restore(options: &SqliteOptions, from: &Path, accept_damage:
     remove(&beside(path, "-wal"))?;
     remove(&beside(path, "-shm"))?;
     sync_folder(path)?;
-    std::fs::rename(&part, path).map_err(failed("the copy cannot be put in its place"))?;
-    sync_folder(path)?;
-    Ok(report)
+    std::fs::rename(part, path).map_err(failed("the copy cannot be put in its place"))?;
+    sync_folder(path)
 }
 
 /// Keeps the database that is about to be replaced under another name as well.
