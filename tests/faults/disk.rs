@@ -1,10 +1,15 @@
 //! A disk that is full, fails, hangs or is gone: nothing is acknowledged that is not kept, everybody is told at once, and the
 //! service goes on when the disk does.
 
+use std::fs::File;
 use std::os::unix::fs::PermissionsExt as _;
+use std::process::Stdio;
+use std::time::Duration;
 
 use feedwave_contract::proto::{DeleteJobRequest, GetJobRequest, Job, ProgramsDeleteProgramRequest};
 use feedwave_tests::{Clients, Home, Server, patiently};
+use rustix::process::{Pid, Signal, kill_process};
+use tokio::process::Command;
 use tonic::{Code, Status};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
@@ -155,7 +160,7 @@ async fn what_is_written_into_a_removed_file_is_not_acknowledged() {
             continue;
         }
         // The end in order moves what the log has into the database.
-        server.signal(rustix::process::Signal::TERM);
+        server.signal(Signal::TERM);
         let (_, home) = patiently(server.ended()).await;
         let server = home.start().await;
         let mut clients = server.connect().await;
@@ -173,7 +178,7 @@ async fn a_hanging_disk_does_not_keep_the_process_alive() {
     server.connect().await.submit(PROGRAM).await;
     faults.syncs_hang(true);
     readiness(&server, 503, "").await;
-    server.signal(rustix::process::Signal::TERM);
+    server.signal(Signal::TERM);
     patiently(server.ended()).await;
 }
 
@@ -205,6 +210,35 @@ async fn records_are_removed_while_there_is_no_room_for_others() {
     let gone = clients.jobs.get_job(GetJobRequest { name: job.name }).await.unwrap_err();
     assert_eq!(gone.code(), Code::NotFound, "{gone:?}");
     clients.submit(PROGRAM).await;
+}
+
+#[tokio::test]
+async fn a_start_on_a_hanging_disk_says_so_and_can_be_ended() {
+    let faults = Faults::new();
+    let home = Home::new(FEEDWAVE, "");
+    faults.syncs_hang(true);
+    let log = home.path().join("log.txt");
+    let mut starting = Command::new(FEEDWAVE)
+        .args(["serve", "--config"])
+        .arg(home.path().join("feedwave.toml"))
+        .envs(faults.environment.iter().cloned())
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(File::create(&log).expect("a file"))
+        .kill_on_drop(true)
+        .spawn()
+        .expect("the service is started");
+    let told = async {
+        let mut ticks = tokio::time::interval(Duration::from_millis(20));
+        while !std::fs::read_to_string(&log).expect("the log").contains("waiting for the store") {
+            ticks.tick().await;
+        }
+    };
+    patiently(told).await;
+    let pid = starting.id().and_then(|id| Pid::from_raw(id.cast_signed())).expect("it runs");
+    kill_process(pid, Signal::TERM).expect("it is told to end");
+    let ended = patiently(starting.wait()).await.expect("it ends");
+    assert!(ended.success(), "{ended}: {}", std::fs::read_to_string(&log).expect("the log"));
 }
 
 /// Creates jobs until one is refused: those that were acknowledged, and the refusal.

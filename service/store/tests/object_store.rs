@@ -10,8 +10,7 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use feedwave_store::{
-    CopyError,
-    CHUNK_BYTES, ObjectSettings, ProgramId, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
+    CHUNK_BYTES, CopyError, ObjectSettings, ProgramId, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
 };
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection as _, SqliteConnection};

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use feedwave_server::config::{Overrides, StoreUri};
 use feedwave_server::lifecycle::{RunningServer, Server};
@@ -59,7 +60,11 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     let mut hangup = signal(SignalKind::hangup()).map_err(CliError::new)?;
     // Without a handler a write beyond a limit of file sizes ends the process; with one it fails, and is told.
     let _file_size = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CliError::new)?;
-    let mut server = Server::start(config).await.map_err(CliError::new)?;
+    let mut server = tokio::select! {
+        started = told(Server::start(config)) => started.map_err(CliError::new)?,
+        _ = terminate.recv() => return Ok(ended_while_starting()),
+        _ = interrupt.recv() => return Ok(ended_while_starting()),
+    };
     let mtconnect = server.mtconnect_addr().map(tracing::field::display);
     tracing::info!(grpc = %server.grpc_addr(), http = %server.http_addr(), mtconnect, "ready");
     if let Some(path) = &args.ready_file {
@@ -81,6 +86,29 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     // The exporter blocks while it sends the rest.
     let _ = tokio::task::spawn_blocking(move || log.shutdown()).await;
     failure.map_or(Ok(ExitCode::SUCCESS), |failure| Err(CliError::new(failure)))
+}
+
+/// After how long it is told that a start takes long, and how often again.
+const LONG_START: Duration = Duration::from_secs(5);
+
+/// A start, of which is told what it waits for while it takes long.
+async fn told<T>(start: impl Future<Output = T>) -> T {
+    let mut start = std::pin::pin!(start);
+    let begun = Instant::now();
+    loop {
+        match tokio::time::timeout(LONG_START, &mut start).await {
+            Ok(started) => return started,
+            Err(_) => {
+                let seconds = begun.elapsed().as_secs();
+                tracing::warn!(seconds, "still starting: waiting for the store; SIGTERM ends it");
+            }
+        }
+    }
+}
+
+fn ended_while_starting() -> ExitCode {
+    tracing::info!("ended while it was starting");
+    ExitCode::SUCCESS
 }
 
 /// Written to another file and renamed, so that a reader never gets half of it.

@@ -436,7 +436,8 @@ impl<D: Verified> Check<D> {
     /// Numbers that no event has. Retention removes the earliest events, so none behind one that is as early as the next one.
     async fn lost_events(&mut self) -> Result<()> {
         let newest = self.log_rows(D::NEWEST_EVENT).await?.first().map_or(Ok(0), |row| row.integer("newest"))?;
-        let gaps = "SELECT before, sequence FROM (SELECT sequence, at_us, LAG(sequence) OVER (ORDER BY sequence) AS before,
+        let gaps =
+            "SELECT before, sequence FROM (SELECT sequence, at_us, LAG(sequence) OVER (ORDER BY sequence) AS before,
                 LAG(at_us) OVER (ORDER BY sequence) AS before_us FROM job_events) AS e
             WHERE sequence > before + 1 AND at_us >= before_us ORDER BY sequence LIMIT 1000";
         let mut lost = Vec::new();

@@ -160,23 +160,18 @@ impl SqliteStore {
         if let Some(reason) = probing.gone() {
             return Err(StoreError::unavailable(reason));
         }
-        let (mut write, faults) = {
-            let mut pending = probing.pending();
-            let faults = *probing.faults.borrow();
-            let ballast = pending.failed || faults != pending.faults;
-            let write = pending.write.take().unwrap_or_else(|| {
-                let store = self.clone();
-                tokio::spawn(async move { store.write_probe(if ballast { BALLAST_BYTES } else { 0 }).await })
-            });
-            (write, faults)
-        };
-        let result = match tokio::time::timeout(patience, &mut write).await {
-            Ok(Ok(result)) => result,
-            Ok(Err(_)) => Err(StoreError::unavailable("the service is ending")),
-            Err(_) => {
-                probing.pending().write = Some(write);
-                probing.block(Some(STALLED));
-                return Err(StoreError::unavailable(STALLED));
+        let (result, faults) = loop {
+            let (mut write, faults, was_late) = self.probing_write();
+            match tokio::time::timeout(patience, &mut write).await {
+                // What came too late says nothing of a disk that is fast enough: the next write does.
+                Ok(Ok(Ok(()))) if was_late => {}
+                Ok(Ok(result)) => break (result, faults),
+                Ok(Err(_)) => break (Err(StoreError::unavailable("the service is ending")), faults),
+                Err(_) => {
+                    probing.pending().write = Some(write);
+                    probing.block(Some(STALLED));
+                    return Err(StoreError::unavailable(STALLED));
+                }
             }
         };
         probing.block(None);
@@ -188,6 +183,22 @@ impl SqliteStore {
         match reason.or_else(|| probing.cramped()) {
             Some(reason) => result.and(Err(StoreError::unavailable(reason))),
             None => result,
+        }
+    }
+
+    /// The write of a probe, faults when it began, and whether it is one that has not come back in time.
+    fn probing_write(&self) -> (JoinHandle<Result<()>>, u64, bool) {
+        let probing = &self.inner.probing;
+        let mut pending = probing.pending();
+        let faults = *probing.faults.borrow();
+        let ballast = pending.failed || faults != pending.faults;
+        match pending.write.take() {
+            Some(write) => (write, faults, true),
+            None => {
+                let store = self.clone();
+                let bytes = if ballast { BALLAST_BYTES } else { 0 };
+                (tokio::spawn(async move { store.write_probe(bytes).await }), faults, false)
+            }
         }
     }
 

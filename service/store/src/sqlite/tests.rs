@@ -270,3 +270,42 @@ async fn times_never_go_back_or_repeat() {
         store.write(0, |tx| Box::pin(async { Ok((0..1000).map(|_| tx.now_us()).collect::<Vec<_>>()) })).await.unwrap();
     assert!(times.is_sorted_by(|earlier, later| earlier < later));
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_disk_that_is_slow_again_and_again_is_not_taken_for_a_fast_one_in_between() {
+    let (_folder, store) = store(StoreSettings { max_commit_operations: 1, ..StoreSettings::default() }).await;
+    let short = Duration::from_millis(50);
+    /// A write that takes until it is told; what tells when it has begun.
+    fn slow(store: &SqliteStore) -> (oneshot::Receiver<()>, oneshot::Sender<()>) {
+        let ((begin, begun), (end, ended)) = (oneshot::channel(), oneshot::channel::<()>());
+        let store = store.clone();
+        tokio::spawn(async move {
+            let work = |_: &mut super::writer::Transaction| -> super::BoxFuture<'_, _> {
+                Box::pin(async {
+                    let _ = begin.send(());
+                    let _ = ended.await;
+                    Ok(())
+                })
+            };
+            store.inner.writer.write_unblocked(0, work).await
+        });
+        (begun, end)
+    }
+    let (begun, first) = slow(&store);
+    begun.await.unwrap();
+    let late = |result: Result<(), StoreError>| assert!(result.unwrap_err().to_string().contains("in time"));
+    late(store.probe(short).await);
+    // The probe is done as soon as the first write is, and the next write is as slow.
+    let (begun, second) = slow(&store);
+    let queued = async {
+        while store.stats().write_queue_depth < 3 {
+            tokio::task::yield_now().await;
+        }
+    };
+    queued.await;
+    first.send(()).unwrap();
+    begun.await.unwrap();
+    late(store.probe(short).await);
+    second.send(()).unwrap();
+    store.probe(Duration::from_secs(60)).await.unwrap();
+}
