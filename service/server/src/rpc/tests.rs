@@ -149,3 +149,20 @@ async fn a_change_is_done_to_its_end_and_logged_though_nobody_waits() {
     let result = entry.result.unwrap();
     assert_eq!((result.code.as_str(), result.resource.as_str()), ("OK", "jobs/1"));
 }
+
+#[tokio::test]
+async fn a_read_that_is_not_answered_ends_with_the_reason() {
+    let (_folder, _, layer) = layer_of(Limits::default()).await;
+    let never =
+        tower::service_fn(async |_: Request<Body>| -> Result<Response<Body>, Status> { std::future::pending().await });
+    tokio::time::pause();
+    let begun = tokio::time::Instant::now();
+    let answer = layer.layer(never).call(call("/feedwave.v1.Jobs/GetJob")).await.unwrap();
+    assert_eq!(reason(answer.headers()), (Code::Unavailable, "STORE_UNAVAILABLE".to_owned()));
+    assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", begun.elapsed());
+    // What computes takes as long as it does.
+    for path in ["/feedwave.v1.Setpoints/GetPlanSummary", "/feedwave.v1.Runs/ReplayRun"] {
+        let answer = layer.layer(never).call(call(path));
+        assert!(tokio::time::timeout(Duration::from_secs(3_600), answer).await.is_err(), "{path}");
+    }
+}
