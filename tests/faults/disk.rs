@@ -6,8 +6,11 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::process::Stdio;
 use std::time::Duration;
 
-use feedwave_contract::proto::{DeleteJobRequest, GetJobRequest, Job, ProgramsDeleteProgramRequest};
-use feedwave_tests::{Clients, Home, Server, patiently};
+use feedwave_contract::proto::{
+    DeleteJobRequest, GetJobRequest, GetReportRequest, Job, JobState, ProgramsDeleteProgramRequest,
+    StreamSetpointsRequest,
+};
+use feedwave_tests::{Clients, Home, Server, patiently, stream};
 use rustix::process::{Pid, Signal, kill_process};
 use tokio::process::Command;
 use tonic::{Code, Status};
@@ -17,7 +20,7 @@ use tonic_health::pb::health_client::HealthClient;
 use tonic_types::StatusExt as _;
 
 use crate::FEEDWAVE;
-use crate::library::{EIO, ENOSPC, Faults};
+use crate::library::{EDQUOT, EIO, ENOSPC, Faults};
 
 const PROGRAM: &str = "G21\nG0 X10. Z1.\nM30\n";
 
@@ -133,6 +136,41 @@ async fn a_disk_that_does_not_answer() {
 }
 
 #[tokio::test]
+async fn a_quota_that_is_used_up() {
+    let begin = async |_: &Server, faults: &Faults| faults.writes_fail(EDQUOT);
+    survives("reading or writing the file failed", begin, async |_, faults| faults.writes_fail(0)).await;
+}
+
+#[tokio::test]
+async fn a_disk_that_fails_to_read_is_no_damage() {
+    let faults = Faults::new();
+    let server = start(&faults).await;
+    let name = server.connect().await.submit(&noise(1)).await.job.name;
+    // What has just been started has the program nowhere but on the disk.
+    let server = server.kill().await.start().await;
+    let mut clients = server.connect().await;
+    faults.reads_fail(EIO);
+    let request = StreamSetpointsRequest { job: name.clone(), ..StreamSetpointsRequest::default() };
+    assert_unavailable(&stream(&mut clients, request).await.map(drop).unwrap_err());
+    // It may still know the report.
+    if let Err(status) = clients.jobs.get_report(GetReportRequest { job: name.clone() }).await {
+        assert_unavailable(&status);
+    }
+    let store = format!("sqlite://{}", server.home().path().join("feedwave.db").display());
+    let mut check = Command::new(FEEDWAVE);
+    check.args(["check", "--store", &store]).envs(faults.environment.iter().cloned());
+    let check = patiently(check.output()).await.expect("it is started");
+    let told = String::from_utf8_lossy(&check.stderr);
+    assert!(check.status.code() == Some(2) && told.contains("reading the file failed"), "{}: {told}", check.status);
+
+    faults.reads_fail(0);
+    readiness(&server, 200, "ok").await;
+    let job = clients.jobs.get_job(GetJobRequest { name }).await.expect("it is there").into_inner().job.expect("a job");
+    assert_eq!(job.state(), JobState::Ready, "{}", job.state_message);
+    assert!(!server.log().contains("marked as damaged"), "{}", server.log());
+}
+
+#[tokio::test]
 async fn a_file_that_is_gone() {
     let rename = async |server: &Server, from: &str, to: &str| {
         let folder = server.home().path();
@@ -241,19 +279,22 @@ async fn a_start_on_a_hanging_disk_says_so_and_can_be_ended() {
     assert!(ended.success(), "{ended}: {}", std::fs::read_to_string(&log).expect("the log"));
 }
 
+/// A program of comments that hardly compress.
+fn noise(mut state: u64) -> String {
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        char::from(b'a' + (state >> 59) as u8 % 26)
+    };
+    let comment: String = (0..900_000).map(|index| if index % 60 == 59 { '\n' } else { noise() }).collect();
+    let lines = comment.lines().map(|line| format!("({line})\n")).collect::<String>();
+    format!("G21\n{lines}M30\n")
+}
+
 /// Creates jobs until one is refused: those that were acknowledged, and the refusal.
 async fn fill(clients: &mut Clients) -> (Vec<String>, Status) {
     let mut kept = Vec::new();
     loop {
-        // Comments that hardly compress.
-        let mut state = kept.len() as u64 + 1;
-        let mut noise = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            char::from(b'a' + (state >> 59) as u8 % 26)
-        };
-        let comment: String = (0..900_000).map(|index| if index % 60 == 59 { '\n' } else { noise() }).collect();
-        let lines = comment.lines().map(|line| format!("({line})\n")).collect::<String>();
-        match clients.create(format!("G21\n{lines}M30\n")).await {
+        match clients.create(noise(kept.len() as u64 + 1)).await {
             Ok(job) => kept.push(job.name),
             Err(status) => return (kept, status),
         }

@@ -19,6 +19,7 @@ struct control {
     int32_t sync_hangs;
     int32_t spares_log;
     int64_t clock_offset_s;
+    int32_t read_errno;
 };
 
 static volatile struct control *control;
@@ -85,6 +86,27 @@ ssize_t pwrite64(int file, const void *data, size_t size, off64_t offset) {
     if (!real)
         real = REAL(pwrite64);
     return write_fails(file) ? -1 : real(file, data, size, offset);
+}
+
+static int read_fails(int file) {
+    if (!control || !control->read_errno || !of_store(file))
+        return 0;
+    errno = control->read_errno;
+    return 1;
+}
+
+ssize_t pread(int file, void *data, size_t size, off_t offset) {
+    static __typeof__(&pread) real;
+    if (!real)
+        real = REAL(pread);
+    return read_fails(file) ? -1 : real(file, data, size, offset);
+}
+
+ssize_t pread64(int file, void *data, size_t size, off64_t offset) {
+    static __typeof__(&pread64) real;
+    if (!real)
+        real = REAL(pread64);
+    return read_fails(file) ? -1 : real(file, data, size, offset);
 }
 
 int fsync(int file) {

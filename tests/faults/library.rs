@@ -10,6 +10,8 @@ use tempfile::TempDir;
 
 /// Input or output error.
 pub const EIO: i32 = 5;
+/// The quota of the disk is used up.
+pub const EDQUOT: i32 = 122;
 /// No space left on the device.
 pub const ENOSPC: i32 = 28;
 
@@ -74,6 +76,11 @@ impl Faults {
     /// Whether writes and synchronisation of the write-ahead log do not fail.
     pub fn spare_log(&self, spare: bool) {
         self.set(12, &i32::from(spare).to_ne_bytes());
+    }
+
+    /// Reads fail with this error; 0: they do not.
+    pub fn reads_fail(&self, errno: i32) {
+        self.set(24, &errno.to_ne_bytes());
     }
 
     /// By how much the clock is ahead, s.

@@ -101,7 +101,6 @@ impl AuditLog {
         &self.engine
     }
 
-    #[cfg(test)]
     pub(crate) const fn store(&self) -> &Store {
         &self.store
     }

@@ -161,9 +161,13 @@ impl Engine {
         self.inner.active.cancel(id);
     }
 
-    /// Marks a job as failed whose stored data is damaged, with the reason; other errors change nothing.
-    pub async fn mark_damaged(&self, id: Uuid, error: &Error) {
-        let Error::Damaged(reason) = error else { return };
+    /// Marks a job as failed whose stored data is damaged, with the reason; other errors change nothing. What is to be told: a disk
+    /// that fails to read is no damage.
+    pub async fn mark_damaged(&self, id: Uuid, error: Error) -> Error {
+        let Error::Damaged(reason) = &error else { return error };
+        if let Some(fault) = self.inner.store.read_fault().await {
+            return fault.into();
+        }
         let from = [JobState::PendingValidation, JobState::Validating, JobState::Ready, JobState::Rejected];
         let mut detail = format!("stored data is damaged: {reason}");
         detail.truncate(detail.floor_char_boundary(MAX_REASON_BYTES));
@@ -173,6 +177,7 @@ impl Engine {
             Err(StoreError::FailedState { .. } | StoreError::NotFound { .. }) => {}
             Err(error) => tracing::error!(job = %id, %reason, %error, "a damaged job could not be marked"),
         }
+        error
     }
 
     /// The token that is cancelled when the service begins to end.

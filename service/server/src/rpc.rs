@@ -150,6 +150,16 @@ impl RpcLayer {
         Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, access, audit, draining }
     }
 
+    /// The answer, where what it tells as damage is none but a disk that fails to read.
+    async fn without_read_faults(&self, answer: Response<Body>) -> Response<Body> {
+        let code = Status::from_header_map(answer.headers()).map(|status| status.code());
+        if code != Some(Code::DataLoss) {
+            return answer;
+        }
+        let fault = self.audit.store().read_fault().await;
+        fault.map_or(answer, |fault| Error::from(fault).into_answer())
+    }
+
     /// Places for a call, held to the end of its response.
     fn admit(&self, path: &str, method: Method, connection: Option<&Arc<Connection>>) -> Result<Places, Error> {
         let _of_connection = connection.map(Connection::begin_call);
@@ -344,6 +354,7 @@ where
                 Ok(answer) => answer?,
                 Err(_) => call.panicked().into_answer(),
             };
+            let response = layer.without_read_faults(response).await;
             let status = Status::from_header_map(response.headers());
             call.end_audit(status, method).await;
             Ok(observe(response, call))

@@ -14,6 +14,7 @@ mod options;
 mod presences;
 mod probe;
 mod programs;
+mod reading;
 mod retention;
 mod runs;
 #[cfg(test)]
@@ -39,6 +40,7 @@ use crate::settings::{StoreSettings, StoreStats};
 pub(crate) use fault::meaning;
 pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
 use probe::Probing;
+use reading::Reading;
 use writer::{BoxFuture, Transaction, Writer};
 
 /// The store in an SQLite file. Cloning is cheap; clones are the same store.
@@ -53,6 +55,7 @@ struct Inner {
     objects: Objects,
     writer: Writer,
     probing: Arc<Probing>,
+    reading: Reading,
     readers: SqlitePool,
     reads: AtomicU64,
     newest_event: watch::Receiver<i64>,
@@ -71,12 +74,19 @@ impl Database for SqliteStore {
             return Err(StoreError::unavailable("it is closed"));
         }
         let mut reader = self.reader().await?;
-        sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *reader).await?;
-        Ok(())
+        match sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *reader).await.map_err(StoreError::from) {
+            Ok(_) => Ok(()),
+            Err(error @ StoreError::Corrupt { .. }) => Err(self.read_fault().await.unwrap_or(error)),
+            Err(error) => Err(error),
+        }
     }
 
     async fn probe(&self, patience: Duration) -> Result<()> {
         self.probe_writing(patience).await
+    }
+
+    async fn read_fault(&self) -> Option<StoreError> {
+        self.inner.reading.fault(&self.inner.options.path).await
     }
 
     fn watch_faults(&self) -> watch::Receiver<u64> {
@@ -108,6 +118,7 @@ impl SqliteStore {
             settings,
             writer,
             probing,
+            reading: Reading::default(),
             readers,
             reads: AtomicU64::new(0),
             newest_event: announced.event,

@@ -252,14 +252,16 @@ impl Api {
         let id = job_id("name", &request.name)?;
         let detail = self.store.job_detail(id).await.map_err(Error::from);
         let job = detail.and_then(|detail| self.detail_to_proto(&detail));
-        if let Err(error) = &job {
-            // Only who may see it learns of the damage.
-            if let Err(missing @ StoreError::NotFound { .. }) = self.store.job(id).await {
-                return Err(missing.into());
+        match job {
+            Ok(job) => Ok(GetJobResponse { job: Some(job) }),
+            Err(error) => {
+                // Only who may see it learns of the damage.
+                if let Err(missing @ StoreError::NotFound { .. }) = self.store.job(id).await {
+                    return Err(missing.into());
+                }
+                Err(self.engine.mark_damaged(id, error).await)
             }
-            self.engine.mark_damaged(id, error).await;
         }
-        Ok(GetJobResponse { job: Some(job?) })
     }
 
     /// Reads the report of a job.
@@ -272,14 +274,18 @@ impl Api {
         if job.findings.is_none() {
             let subject = names::job(id);
             let message = format!("{subject} is {} and has no report", job.state);
+            if matches!(job.state, JobState::Ready | JobState::Rejected) {
+                // It was written with the state.
+                return Err(self.engine.mark_damaged(id, Error::Damaged(message)).await);
+            }
             return Err(Error::Precondition { reason: "JOB_NOT_VALIDATED", subject, message });
         }
         let stored = self.store.report(id).await.map_err(Error::from);
         let report = stored.and_then(|stored| stored::from_stored::<ValidationReport>(stored.report.get()));
-        if let Err(error) = &report {
-            self.engine.mark_damaged(id, error).await;
+        match report {
+            Ok(report) => Ok(GetReportResponse { report: Some(report) }),
+            Err(error) => Err(self.engine.mark_damaged(id, error).await),
         }
-        Ok(GetReportResponse { report: Some(report?) })
     }
 
     /// Lists jobs.

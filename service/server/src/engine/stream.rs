@@ -161,7 +161,7 @@ impl Engine {
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);
             let end = run.generate().unwrap_or_else(|error| {
-                runtime.block_on(engine.mark_damaged(id, &error));
+                let error = runtime.block_on(engine.mark_damaged(id, error));
                 // A reader that left does not need the error.
                 run.outlet.send(Err(error));
                 End::Last

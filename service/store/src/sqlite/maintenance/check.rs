@@ -10,9 +10,19 @@ use super::connect;
 use crate::error::{Result, StoreError};
 use crate::maintenance::{CheckReport, ReadDecision};
 use crate::sql::check::{Check, FILE, Parameter, Verified};
+use crate::sqlite::reading::read_fault;
 
 /// See [`crate::check`].
 pub(crate) async fn check(path: &Path, read_decision: ReadDecision) -> Result<CheckReport> {
+    let report = checked(path, read_decision).await;
+    if report.as_ref().is_ok_and(CheckReport::is_intact) {
+        return report;
+    }
+    // What could not be read is not known to be damaged.
+    read_fault(path).await.map_or(report, Err)
+}
+
+async fn checked(path: &Path, read_decision: ReadDecision) -> Result<CheckReport> {
     let mut connection = connect(path).await?;
     sqlx::query("PRAGMA query_only = ON").execute(&mut connection).await?;
     let mut check = Check::new(connection, read_decision);
