@@ -3,8 +3,10 @@
 
 use std::fs::File;
 use std::io::{Error, ErrorKind};
+use std::mem::ManuallyDrop;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::sync::Mutex;
@@ -20,42 +22,68 @@ const FRESH: Duration = Duration::from_secs(2);
 /// Bytes that are read at once.
 const PIECE_BYTES: usize = 1 << 20;
 
-/// What was found last.
+/// A database that is never closed again: closing any descriptor of it would give up the locks that SQLite holds on it for this process, and
+/// another process that closes it would then remove the log under it.
+type Kept = Arc<ManuallyDrop<File>>;
+
+/// Reads the files of a database that is open.
 #[derive(Debug, Default)]
-pub(super) struct Reading(Mutex<Option<(Instant, Option<StoreError>)>>);
+pub(super) struct Reading(Mutex<Read>);
+
+#[derive(Debug, Default)]
+struct Read {
+    database: Option<Kept>,
+    /// What was found last.
+    last: Option<(Instant, Option<StoreError>)>,
+}
 
 impl Reading {
     /// Why the files of a database cannot be read; `None` where they can.
     pub(super) async fn fault(&self, path: &Path) -> Option<StoreError> {
-        let mut last = self.0.lock().await;
-        if let Some((at, fault)) = &*last
+        let mut read = self.0.lock().await;
+        if let Some((at, fault)) = &read.last
             && at.elapsed() < FRESH
         {
             return fault.clone();
         }
-        let fault = read_fault(path).await;
-        *last = Some((Instant::now(), fault.clone()));
+        let fault = match read.open(path) {
+            Ok(database) => read_files(database, path).await,
+            Err(error) => Err(error),
+        };
+        let fault = fault.err().map(|error| StoreError::unavailable_by(UNREADABLE, error));
+        read.last = Some((Instant::now(), fault.clone()));
         fault
     }
 }
 
-/// Why the files of a database cannot be read; `None` where they can.
-pub(super) async fn read_fault(path: &Path) -> Option<StoreError> {
-    let mut log = path.as_os_str().to_owned();
-    log.push("-wal");
-    let files = [path.to_owned(), PathBuf::from(log)];
-    let read = tokio::task::spawn_blocking(move || {
-        let until = Instant::now() + PATIENCE;
-        files.iter().try_for_each(|file| read_through(file, until))
-    });
-    read.await.ok()?.err().map(|error| StoreError::unavailable_by(UNREADABLE, error))
+impl Read {
+    fn open(&mut self, path: &Path) -> Result<Kept, Error> {
+        if let Some(database) = &self.database {
+            return Ok(database.clone());
+        }
+        let database = Arc::new(ManuallyDrop::new(File::open(path)?));
+        self.database = Some(database.clone());
+        Ok(database)
+    }
 }
 
-fn read_through(path: &Path, until: Instant) -> Result<(), Error> {
-    let file = match File::open(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        file => file?,
-    };
+async fn read_files(database: Kept, path: &Path) -> Result<(), Error> {
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    let log = PathBuf::from(log);
+    let read = tokio::task::spawn_blocking(move || {
+        let until = Instant::now() + PATIENCE;
+        read_through(&database, until)?;
+        match File::open(log) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            log => read_through(&log?, until),
+        }
+    });
+    // It is not read where the service is ending.
+    read.await.unwrap_or(Ok(()))
+}
+
+fn read_through(file: &File, until: Instant) -> Result<(), Error> {
     let (mut piece, mut offset) = (vec![0; PIECE_BYTES], 0);
     while Instant::now() < until {
         match file.read_at(&mut piece, offset) {

@@ -280,14 +280,14 @@ async fn a_disk_that_is_slow_again_and_again_is_not_taken_for_a_fast_one_in_betw
         let ((begin, begun), (end, ended)) = (oneshot::channel(), oneshot::channel::<()>());
         let store = store.clone();
         tokio::spawn(async move {
-            let work = |_: &mut super::writer::Transaction| -> super::BoxFuture<'_, _> {
-                Box::pin(async {
+            let write = store.inner.writer.write_unblocked(0, move |_| {
+                Box::pin(async move {
                     let _ = begin.send(());
                     let _ = ended.await;
                     Ok(())
                 })
-            };
-            store.inner.writer.write_unblocked(0, work).await
+            });
+            write.await
         });
         (begun, end)
     }

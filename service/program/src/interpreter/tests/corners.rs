@@ -252,7 +252,7 @@ proptest! {
 
 #[test]
 fn a_corner_before_the_end_of_a_compensation_is_refused_as_such() {
-    let tool = crate::ToolOffset::new(1).with_radius(3.0);
+    let tool = ToolOffset::new(1).with_radius(3.0);
     let program = "G0 X-20 Y-20\nG41 D1 G1 X0 Y-10 F100\nY20\nX30 ,R5\nG40 Y50\nM30\n";
     let (_, findings) = Interpreter::new(mill()).with_tools(vec![tool]).read_all(program.as_bytes());
     let corners: Vec<_> = findings.findings().iter().filter(|it| it.code.name() == "PRG-CORNER").collect();

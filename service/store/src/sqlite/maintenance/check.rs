@@ -10,7 +10,7 @@ use super::connect;
 use crate::error::{Result, StoreError};
 use crate::maintenance::{CheckReport, ReadDecision};
 use crate::sql::check::{Check, FILE, Parameter, Verified};
-use crate::sqlite::reading::read_fault;
+use crate::sqlite::reading::Reading;
 
 /// See [`crate::check`].
 pub(crate) async fn check(path: &Path, read_decision: ReadDecision) -> Result<CheckReport> {
@@ -19,7 +19,7 @@ pub(crate) async fn check(path: &Path, read_decision: ReadDecision) -> Result<Ch
         return report;
     }
     // What could not be read is not known to be damaged.
-    read_fault(path).await.map_or(report, Err)
+    Reading::default().fault(path).await.map_or(report, Err)
 }
 
 async fn checked(path: &Path, read_decision: ReadDecision) -> Result<CheckReport> {
