@@ -285,6 +285,14 @@ fn the_solution_is_chosen() {
     let finding = report.findings.iter().find(|finding| finding.code == "FIVE-AXIS-RANGE").expect("a finding");
     assert!(!report.is_accepted() && finding.span.line == 2, "{finding:?}");
     assert!(finding.suggestions.iter().any(|cure| cure.message.contains("G53.1 without P")), "{finding:?}");
+    // The code that was written is named, and only where the other solution is in range.
+    let report = validate(&format!("G68.2 J30\nG53.6 H1 P{p}\nM30\n"), &preferring);
+    let finding = report.findings.iter().find(|finding| finding.code == "FIVE-AXIS-RANGE").expect("a finding");
+    assert!(finding.suggestions.iter().any(|cure| cure.message.contains("G53.6 without P")), "{finding:?}");
+    preferring.profile.kinematics.as_mut().expect("five axes").chain[1].range = Some([-5.0, 5.0]);
+    let report = validate(&format!("G68.2 J30\nG53.6 H1 P{p}\nM30\n"), &preferring);
+    let finding = report.findings.iter().find(|finding| finding.code == "FIVE-AXIS-RANGE").expect("a finding");
+    assert!(finding.suggestions.iter().all(|cure| !cure.message.contains("without P")), "{finding:?}");
 }
 
 #[test]

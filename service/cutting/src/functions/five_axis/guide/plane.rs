@@ -10,6 +10,7 @@ use feedwave_motion::kinematics::{
 };
 use feedwave_program::{
     Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, TiltedPlane, ToolAxisSolution,
+    ToolGuide,
 };
 
 use super::super::code;
@@ -29,12 +30,13 @@ pub(super) fn end_in_work(plane: &TiltedPlane, guided: &GuidedMove, from_mm: Vec
     }))
 }
 
-/// A rotary axis that cannot turn as far as the normal asks for.
-fn out_of_range(reason: &KinematicsError, solution: ToolAxisSolution, span: SourceSpan) -> Finding {
+/// A rotary axis that cannot turn as far as the normal asks for; and the code that is to be written without `P`, where the other
+/// solution is within its range.
+fn out_of_range(reason: &KinematicsError, other_solution: Option<&'static str>, span: SourceSpan) -> Finding {
     let mut finding = Finding::new(code::FIVE_AXIS_RANGE, span, format!("the tool axis onto the plane: {reason}"))
         .with_value("excess", reason.excess_rad().to_degrees(), "deg");
-    if solution != ToolAxisSolution::Preferred {
-        finding = finding.suggest("take the other solution: G53.1 without P");
+    if let Some(written) = other_solution {
+        finding = finding.suggest(format!("take the other solution: {written} without P"));
     }
     finding.suggest("clamp the work in another position")
 }
@@ -61,12 +63,23 @@ impl Guide {
             ToolAxisSolution::Smaller => BranchPreference::Smaller,
             ToolAxisSolution::Preferred => self.kinematics.preferred(),
         };
+        let written = match guided.guide {
+            ToolGuide::Align { about_tip: true, .. } => "G53.6",
+            _ => "G53.1",
+        };
+        let mut other_solution = None;
         let chosen = self.kinematics.inverse_branches(&pose, &setup, stand_rad).and_then(|[larger, smaller]| {
             let values = |branch: Result<InverseSolution, _>| branch.map(|solution| solution.joints.rotary_rad);
             match (values(larger), values(smaller), solution, preference) {
                 // What the program asks for is not replaced by anything else.
-                (larger, _, ToolAxisSolution::Larger, _) => larger,
-                (_, smaller, ToolAxisSolution::Smaller, _) => smaller,
+                (larger, smaller, ToolAxisSolution::Larger, _) => {
+                    other_solution = smaller.is_ok().then_some(written);
+                    larger
+                }
+                (larger, smaller, ToolAxisSolution::Smaller, _) => {
+                    other_solution = larger.is_ok().then_some(written);
+                    smaller
+                }
                 (Ok(larger), Ok(smaller), _, BranchPreference::Nearest) => {
                     Ok(if travel(smaller) < travel(larger) { smaller } else { larger })
                 }
@@ -80,7 +93,7 @@ impl Guide {
             Ok(rotary_rad) => Some(rotary_rad),
             Err(reason) => {
                 findings.push(match reason {
-                    KinematicsError::OutOfRange { .. } => out_of_range(&reason, solution, span),
+                    KinematicsError::OutOfRange { .. } => out_of_range(&reason, other_solution, span),
                     _ => refused(&FiveAxisRefusal::Pose { share: 1.0, reason }, span, None),
                 });
                 None
