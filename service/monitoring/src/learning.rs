@@ -9,12 +9,17 @@
 //! - **Estimate**: all parameters at once by nonlinear least squares on the deflection (output error; Ljung: System Identification,
 //!   2nd ed., Prentice Hall 1999, chapters 7 and 9) with Levenberg's and Marquardt's steps. Standard errors are those of the
 //!   linearised model, σ²·(JᵀJ)⁻¹ (Seber and Wild: Nonlinear Regression, Wiley 1989, chapter 2), times √(1 + 2·Σρ_k) where the
-//!   residuals are correlated (Bartlett). A run-out is a length: its interval is that of Rice's distribution.
+//!   residuals are correlated (Bartlett). What of them comes again with every turn is what the model lacks, and counts as one turn,
+//!   however long was recorded. A run-out is a length: its interval is that of Rice's distribution.
+//!
+//! Intervals hold the true value with 95 % where the model lacks nothing that moves it by more than what is seen to be left; entry, exit,
+//! the first edge, depth and stiffness count as exact.
 //!
 //! Nothing here decides or changes anything: an estimate is a proposal.
 
 mod fit;
 mod interval;
+mod residuals;
 mod response;
 mod squares;
 

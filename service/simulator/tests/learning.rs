@@ -54,17 +54,26 @@ fn library(description: &Description, frequency: f64, damping: f64) -> LearningM
 
 /// A cut with noise of its own.
 fn cut(description: &Description, feed_mm_per_min: f64) -> Log {
+    cut_at(description, feed_mm_per_min, REV_PER_MIN)
+}
+
+fn cut_at(description: &Description, feed_mm_per_min: f64, rev_per_min: f64) -> Log {
     let seed = 1_000 * description.seed + feed_mm_per_min as u64;
     let mut path = Path::default();
     let periods = SAMPLES * 1_000 / description.sample_rate_hz as usize + 2;
-    path.add(periods, feed_mm_per_min, REV_PER_MIN, [0.8, 0.6]);
+    path.add(periods, feed_mm_per_min, rev_per_min, [0.8, 0.6]);
     follow(Description { seed, ..description.clone() }, &path)
 }
 
 fn record(log: &Log, feed_mm_per_min: f64) -> CutRecord<'_> {
+    record_of(log, feed_mm_per_min, SAMPLES)
+}
+
+/// Its first samples.
+fn record_of(log: &Log, feed_mm_per_min: f64, samples: usize) -> CutRecord<'_> {
     CutRecord {
-        deflection_mm: Pair { x: &log.tool[0][..SAMPLES], y: &log.tool[1][..SAMPLES] },
-        spindle_angle_deg: &log.spindle_angle_deg[..SAMPLES],
+        deflection_mm: Pair { x: &log.tool[0][..samples], y: &log.tool[1][..samples] },
+        spindle_angle_deg: &log.spindle_angle_deg[..samples],
         feed_mm_per_min,
         depth_mm: DEPTH_MM,
         feed_direction: [0.8, 0.6],
@@ -117,6 +126,61 @@ fn the_truth_is_within_the_stated_interval_for_95_of_100_seeds() {
     assert!(within.iter().all(|within| *within >= 52), "{within:?}");
     let all = within.iter().sum::<u64>() as f64 / (10 * SEEDS) as f64;
     assert!((0.93..=0.985).contains(&all), "{all}");
+}
+
+#[test]
+fn every_quantity_is_within_its_interval_in_95_of_100_draws() {
+    const DRAWS: u64 = 200;
+    /// Enough for a settled tool and twenty turns of noise, and quick.
+    const SHORT: usize = 2_200;
+    let mut within = [0_u64; 10];
+    for seed in 0..DRAWS {
+        let description = description(10_000 + seed);
+        let logs = FEEDS.map(|feed| cut(&description, feed));
+        let records: Vec<_> = logs.iter().zip(FEEDS).map(|(log, feed)| record_of(log, feed, SHORT)).collect();
+        let learnt = learn(&library(&description, 1.0, 1.0), &records).expect("enough to learn from");
+        for (within, (_, estimate, truth)) in within.iter_mut().zip(estimates(&description, &learnt)) {
+            let [low, high] = estimate.interval();
+            *within += u64::from((low..=high).contains(&truth));
+        }
+    }
+    // 95 % of 200 are 190, with a standard deviation of 3.1: three of them either way.
+    assert!(within.iter().all(|within| (181..=199).contains(within)), "{within:?}");
+    let all = within.iter().sum::<u64>() as f64 / (10 * DRAWS) as f64;
+    assert!((0.93..=0.97).contains(&all), "{all}");
+}
+
+/// At 3000 rev/min every turn has 400 samples: that an edge enters and leaves, and where its chip ends, falls on the same samples in each, so that
+/// what the model of a sample lacks comes again with every turn.
+#[test]
+fn what_comes_again_with_every_turn_widens_the_intervals_until_they_hold_the_truth() {
+    for seed in 0..4 {
+        let description = Description {
+            process: Process::Milling { entry_deg: 90.0, exit_deg: 180.0 },
+            tool_sensors: Some(SensorPair::default()),
+            ..description(seed)
+        };
+        let logs = FEEDS.map(|feed| cut_at(&description, feed, 3_000.0));
+        let records: Vec<_> = logs.iter().zip(FEEDS).map(|(log, feed)| record(log, feed)).collect();
+        let learnt = learn(&library(&description, 1.0, 1.0), &records).expect("enough to learn from");
+        assert!(learnt.correlation_factor > 10.0, "{}", learnt.correlation_factor);
+        for (name, estimate, truth) in estimates(&description, &learnt) {
+            let [low, high] = estimate.interval();
+            assert!((low..=high).contains(&truth), "{name}: {estimate:?}, {truth}");
+            assert!(estimate.standard_error < 0.03 * truth, "{name}: {estimate:?}");
+        }
+    }
+}
+
+#[test]
+fn the_run_out_of_two_edges_is_learnt() {
+    let mut description = description(2);
+    description.tool.edge_count = 2;
+    let learnt = learnt(&description, &library(&description, 1.0, 1.0)).expect("learnt");
+    for (name, estimate, truth) in estimates(&description, &learnt) {
+        assert!((estimate.value - truth).abs() < 4.0 * estimate.standard_error, "{name}: {estimate:?}, {truth}");
+        assert!(estimate.standard_error < 0.05 * truth, "{name}: {estimate:?}");
+    }
 }
 
 #[test]

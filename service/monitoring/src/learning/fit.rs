@@ -1,5 +1,6 @@
 //! The search: Levenberg's and Marquardt's steps from the modes of the tool library.
 
+use super::residuals::{MOST_LAGS, Residuals};
 use super::response::{Columns, deflection, forces, settling_samples};
 use super::squares::Normal;
 use super::{CutRecord, Estimate, LearningError, LearningModel, Learnt, LearntMode};
@@ -38,10 +39,6 @@ const SETTLED: f64 = 1e-4;
 const SCAN: [f64; 15] = [0.78, 0.81, 0.84, 0.87, 0.9, 0.93, 0.96, 1.0, 1.04, 1.08, 1.12, 1.16, 1.2, 1.24, 1.28];
 /// Relative step of numeric derivatives: the cube root of the rounding.
 const STEP: f64 = 6e-6;
-/// Most lags of residuals that are examined, and the least.
-const LAGS: [usize; 2] = [100, 1_000];
-/// Correlations of white noise lie within so many standard deviations but for one in a thousand.
-const BEYOND_CHANCE: f64 = 3.3;
 /// How far beyond the ends of the scan a frequency may be found: half of a step.
 const BEYOND_SCAN: f64 = 0.02;
 /// Standard errors by which a value has to differ from 0 to count as another.
@@ -52,8 +49,8 @@ struct Problem<'a> {
     model: &'a LearningModel,
     records: &'a [CutRecord<'a>],
     settling: usize,
-    /// Without the run-out of the edges, where there is one edge.
-    has_edges: bool,
+    /// Components of the run-out of the edges: one edge has none, and two are in line with the spindle.
+    edge_run_outs: usize,
 }
 
 /// Parameters: those that are shared, then those of each record.
@@ -64,7 +61,12 @@ type Taken<'a> = dyn FnMut(&[usize], &[f64], f64) + 'a;
 
 /// Learns from valid records.
 pub(super) fn fit(model: &LearningModel, records: &[CutRecord<'_>]) -> Result<Learnt, LearningError> {
-    let problem = Problem { model, records, settling: settling_samples(model), has_edges: model.edges > 1 };
+    let problem = Problem {
+        model,
+        records,
+        settling: settling_samples(model),
+        edge_run_outs: model.edges.clamp(1, 3) as usize - 1,
+    };
     let mut parameters = vec![0.0; SHARED + OWN * records.len()];
     for (place, mode) in [&model.mode_x, &model.mode_y].into_iter().enumerate() {
         parameters[MODES + 2 * place] = mode.frequency_hz;
@@ -105,7 +107,7 @@ impl Problem<'_> {
     /// Parameters that are looked for.
     fn all(&self) -> Vec<usize> {
         let own = SHARED + OWN * self.records.len();
-        (0..own).filter(|place| self.has_edges || !(EDGE_RUN_OUT..MODES).contains(place)).collect()
+        (0..own).filter(|place| !(EDGE_RUN_OUT + self.edge_run_outs..MODES).contains(place)).collect()
     }
 
     /// Those in which the deflection is linear, without the run-out of the edges.
@@ -244,25 +246,20 @@ impl Problem<'_> {
         }
     }
 
-    /// By how much correlated residuals widen the standard errors: √(1 + 2·Σρ_k) over the lags of a turn of the spindle at which
-    /// they are correlated beyond chance. What swings counts with the lags at which it adds only, so the factor is none too small.
+    /// By how much correlated residuals widen the standard errors, over a turn of the spindle or from turn to turn.
     fn correlation_factor(&self, parameters: &[f64]) -> f64 {
-        let turn = self.records.iter().map(samples_of_turn).max().unwrap_or(0);
-        let mut sums = vec![0.0; turn.clamp(LAGS[0], LAGS[1]) + 1];
-        for number in 0..self.records.len() {
-            let mut residuals: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
-            self.rows(number, parameters, &mut |places, _, left| {
-                residuals[usize::from(places[6] != MODES)].push(left);
+        let mut residuals = Residuals::new(self.records.iter().map(samples_of_turn).max().unwrap_or(0));
+        for (number, cut) in self.records.iter().enumerate() {
+            let samples = cut.spindle_angle_deg.len();
+            let mut axes: [Vec<(f64, f64)>; 2] = [Vec::new(), Vec::new()];
+            self.rows(number, parameters, &mut |places, row, left| {
+                // The last derivative is the place in the record.
+                let place = ((row[row.len() - 1] + 0.5) * samples as f64).round() as usize;
+                axes[usize::from(places[6] != MODES)].push((cut.spindle_angle_deg[place] / 360.0, left));
             });
-            for residuals in &residuals {
-                for (lag, sum) in sums.iter_mut().enumerate() {
-                    *sum += residuals.iter().zip(residuals.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
-                }
-            }
+            axes.iter().for_each(|axis| residuals.add(axis, samples_of_turn(cut)));
         }
-        let chance = BEYOND_CHANCE / (self.judged() as f64).max(1.0).sqrt();
-        let correlated = sums[1..].iter().map(|sum| sum / sums[0]).filter(|share| *share > chance);
-        (1.0 + 2.0 * correlated.sum::<f64>()).sqrt()
+        residuals.factor()
     }
 
     /// Residuals that are judged, of both directions.
@@ -324,7 +321,7 @@ impl Problem<'_> {
             edge_tangential_n_per_mm: of(FORCES + 1),
             radial_n_per_mm2: of(FORCES + 2),
             edge_radial_n_per_mm: of(FORCES + 3),
-            edge_run_out_mm: self.has_edges.then(|| length(EDGE_RUN_OUT)),
+            edge_run_out_mm: (self.edge_run_outs > 0).then(|| length(EDGE_RUN_OUT)),
             run_out_mm: length(SURFACE),
             mode_x: mode(0),
             mode_y: mode(1),
@@ -341,7 +338,7 @@ impl Problem<'_> {
 fn samples_of_turn(cut: &CutRecord<'_>) -> usize {
     let samples = cut.spindle_angle_deg.len();
     let turned_deg = cut.spindle_angle_deg[samples - 1] - cut.spindle_angle_deg[0];
-    (360.0 * samples as f64 / turned_deg.abs()).min(LAGS[1] as f64) as usize
+    (360.0 * samples as f64 / turned_deg.abs()).min(MOST_LAGS as f64) as usize
 }
 
 /// Which samples of a record are missing.
