@@ -3,7 +3,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use feedwave_cutting::tool_oscillation::{NamedCondition, ToolOscillation, blend};
+use feedwave_cutting::tool_oscillation::{NamedCondition, ToolOscillation, Waveform, blend};
 use feedwave_cutting::{Frame, PipelineConfig};
 use feedwave_motion::kinematics::KinematicsDescription;
 use feedwave_motion::kinematics::vector::{Vec3, add, add_scaled, cross, dot, norm, scale, sub, unit};
@@ -257,4 +257,99 @@ fn a_wave_is_judged_by_its_crests_however_many_there_are() {
     assert!(!accepted && found.contains(&"OSC-TURNING".to_owned()), "{found:?}");
     let (_, found) = wave(1.0);
     assert!(!found.iter().any(|code| code == "OSC-TURNING" || code == "SYNTAX"), "{found:?}");
+}
+
+/// Largest jerk of an axis while the feed is steady on line 6, by third differences.
+fn largest_jerk(setpoints: &Setpoints, column: usize, period_s: f64) -> f64 {
+    let rows: Vec<usize> = (0..setpoints.len()).filter(|&row| setpoints.line[row] == 6).collect();
+    let steady_mm = setpoints.path[rows[rows.len() / 2]] - setpoints.path[rows[rows.len() / 2] - 1];
+    let is_steady = |row: usize| {
+        let own_mm = setpoints.path[row] - setpoints.path[row - 1];
+        (own_mm / steady_mm - 1.0).abs() < 1e-6
+    };
+    let axis = &setpoints.axes[column];
+    let jerk =
+        |row: usize| (axis[row] - 3.0 * (axis[row - 1] - axis[row - 2]) - axis[row - 3]).abs() / period_s.powi(3);
+    let rows = rows[0] + 3..=rows[rows.len() - 1];
+    rows.filter(|&row| (row - 2..=row).all(is_steady)).map(jerk).fold(0.0, f64::max)
+}
+
+#[test]
+fn what_an_oscillation_is_said_to_take_is_what_setpoints_show_and_the_cure_is_accepted() {
+    let mut ratios = Vec::new();
+    for (name, description) in kinds() {
+        let mut config = oscillating(description);
+        for axis in &mut config.profile.machine.axes {
+            axis.max_jerk_per_s3 *= 100.0;
+        }
+        config.profile.tool_oscillation[0].condition.axial.waveform = Waveform::Sine;
+        let [best, next, _] = across(&config, [12.0, -22.0]);
+        let mut end = START;
+        (end[best], end[next]) = (end[best] + 30.0, end[next] + 6.0);
+        let [x, y, z] = end;
+        let program = program(&config, &format!("G1 X{x} Y{y} Z{z}"));
+        // The limits are judged for twice the feed.
+        let setpoints = run(&program.replace("F600", "F1200"), &config);
+        let axes = [Axis::X, Axis::Y, Axis::Z];
+        let columns = axes.map(|axis| config.profile.machine.column_of(axis).expect("a linear axis"));
+        let (column, shown) = columns
+            .map(|column| (column, largest_jerk(&setpoints, column, config.period_s())))
+            .into_iter()
+            .fold((0, 0.0), |most, own| if own.1 > most.1 { own } else { most });
+        config.profile.machine.axes[column].max_jerk_per_s3 = 0.9 * shown;
+        let report = validate(&program, &config);
+        let finding = report.findings.iter().find(|finding| finding.code == "OSC-AXIS-LIMIT");
+        let finding = finding.unwrap_or_else(|| panic!("{name}: {:#?}", report.findings));
+        let taken = finding.values.iter().find(|value| value.name == "demanded").expect("what it takes").value;
+        ratios.push(taken / shown);
+        let cure = |name: &str| {
+            let mut values = finding.suggestions.iter().filter_map(|suggestion| suggestion.value.as_ref());
+            values.find(|value| value.name == name).unwrap_or_else(|| panic!("{finding:#?}")).value
+        };
+        let condition = &mut config.profile.tool_oscillation[0].condition;
+        (condition.feed.amplitude_mm, condition.axial.amplitude_mm) = (cure("feed_amplitude"), cure("axial_amplitude"));
+        assert!(condition.feed.amplitude_mm > 0.1, "{name}: {finding:#?}");
+        let report = validate(&program, &config);
+        assert!(report.is_accepted(), "{name}: {:#?}", report.findings);
+        keeps_limits(name, &run(&program, &config), &config);
+    }
+    assert!(ratios.iter().all(|ratio| (1.0..1.6).contains(ratio)), "{ratios:?}");
+}
+
+#[test]
+fn the_waveform_that_is_named_for_a_step_is_accepted_with_the_amplitude_that_is_named() {
+    let mut with_less = 0;
+    for (name, description) in kinds() {
+        for jerk_share in [1.0, 0.3, 0.1, 0.04] {
+            let mut config = oscillating(description.clone());
+            for axis in config.profile.machine.axes.iter_mut().filter(|axis| !axis.axis.is_rotary()) {
+                axis.max_jerk_per_s3 = jerk_share * 4_000_000.0;
+            }
+            let [best, next, _] = across(&config, [12.0, -22.0]);
+            let mut end = START;
+            (end[best], end[next]) = (end[best] + 30.0, end[next] + 6.0);
+            let [x, y, z] = end;
+            let program = program(&config, &format!("G1 X{x} Y{y} Z{z}"));
+            let report = validate(&program, &config);
+            if !report.is_accepted() {
+                continue;
+            }
+            let finding = report.findings.iter().find(|finding| finding.code == "OSC-JERK-STEP").expect("a step");
+            let Some((suggestion, hold_share)) = finding.suggestions.iter().find_map(|suggestion| {
+                Some((suggestion, suggestion.value.as_ref().filter(|value| value.name == "hold_share")?.value))
+            }) else {
+                continue;
+            };
+            let axial = &mut config.profile.tool_oscillation[0].condition.axial;
+            axial.waveform = Waveform::JerkLimitedHeldPeak { hold_share };
+            if let Some((_, rest)) = suggestion.message.split_once("an amplitude of ") {
+                axial.amplitude_mm = rest.split(' ').next().expect("a number").parse().expect("mm");
+                with_less += 1;
+            }
+            let report = validate(&program, &config);
+            assert!(report.is_accepted(), "{name} {jerk_share}: {suggestion:?} {:#?}", report.findings);
+            assert!(report.findings.iter().all(|finding| finding.code != "OSC-JERK-STEP"), "{:#?}", report.findings);
+        }
+    }
+    assert!(with_less > 0);
 }

@@ -2,10 +2,11 @@
 
 use feedwave_cutting::tool_oscillation::{
     ConditionChoice, ConditionTable, DirectionOscillation, Engagement, FloorArea, HeightField, Interpolation,
-    NamedCondition, OscillationCondition, OscillationCut, OscillationJob, OscillationPeriod, TableQuantity,
-    ToolGeometry, ToolOscillation, Waveform, condition_problems, find_condition, judge,
+    NamedCondition, OscillationCondition, OscillationCut, OscillationDrives, OscillationJob, OscillationPeriod,
+    TableQuantity, ToolGeometry, ToolOscillation, Waveform, condition_problems, find_condition, judge,
 };
-use feedwave_program::{Finding, Severity};
+use feedwave_cutting::{AxisDrive, DriveModel, FollowingModel};
+use feedwave_program::{Axis, Finding, Severity};
 
 use super::{assert_near, condition, job, tool};
 
@@ -102,6 +103,24 @@ fn the_phase_error_is_cured_by_its_suggestion() {
         condition.axial.phase_deg = suggested(&finding, "axial_phase");
         assert_near(judge(&job(&tool(), &condition)).0.expect("a report").phase_error_deg, 0.0, 1e-9);
     }
+}
+
+#[test]
+fn the_phase_that_the_drives_ask_for_ends_every_word_about_it() {
+    let drive = |gain_per_s| DriveModel { position_loop_gain_per_s: Some(gain_per_s), ..DriveModel::default() };
+    let model = FollowingModel { common: drive(120.0), axes: vec![AxisDrive { axis: Axis::Z, drive: drive(60.0) }] };
+    let (tool, mut condition) = (tool(), condition());
+    let warned = |condition: &OscillationCondition| {
+        let drives = Some(OscillationDrives { model: &model, guided: false });
+        let findings = judge(&OscillationJob { drives, ..job(&tool, condition) }).1;
+        let about = |finding: &&Finding| ["OSC-FOLLOWING", "OSC-PHASE"].contains(&finding.code.name());
+        let warned = findings.into_iter().filter(|finding| about(&finding) && finding.severity != Severity::Info);
+        warned.collect::<Vec<_>>()
+    };
+    let found = warned(&condition);
+    assert_eq!(found.len(), 1, "{found:#?}");
+    condition.axial.phase_deg = suggested(&found[0], "axial_phase");
+    assert_eq!(warned(&condition), []);
 }
 
 #[test]

@@ -225,11 +225,12 @@ feedwave_program::finding_codes! {
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z1\nG202 P1 D1\nG1 Z-1 F600\nG203\nM30"),
     }
 
-    "OSC-FOLLOWING" [OSC_FOLLOWING: Warning] {
-        meaning: "the drives change the oscillation between setpoints and tool",
+    "OSC-FOLLOWING" [OSC_FOLLOWING: Warning, OSC_FOLLOWING_NOTED: Info] {
+        meaning: "the drives change the oscillation between setpoints and tool: a warning where its directions come apart",
         cause: "Of an amplitude less than nine or more than eleven tenths arrive, or the axes lag so differently that the tool does \
               not protrude where it is retracted most in the feed direction. The profile's `following` states the drives.",
-        cure: "Command the amplitude and the phase that the finding names, or turn slower.",
+        cure: "Use the axial phase that the finding names. Of the amplitude the same share arrives whatever is commanded: nothing has \
+              to be changed where that is wanted; a slower spindle or a drive with less lag lets more arrive.",
         example: on("oscillation mill, following.position_loop_gain_per_s = 60", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 

@@ -6,11 +6,13 @@ use feedwave_program::Finding;
 
 use super::code;
 use super::condition::{OscillationPeriod, nearest_periods_per_rev};
-use super::report::{DirectionLoad, OscillationJob, OscillationReport};
+use super::following::suggest_phase;
+use super::limits::leaves_feed;
+use super::report::{DirectionLoad, OscillationJob, OscillationReport, synchronise};
 use super::waveform::MAX_HOLD_SHARE;
-use super::{DirectionPeaks, OscillationDirection, Waveform};
+use super::{DirectionPeaks, OscillationDirection, Waveform, ramp_mm};
 use crate::functions::axis_load::{AxisCodes, AxisLoad};
-use crate::shared::wording::{decimal, round_down, round_to, round_up};
+use crate::shared::wording::{decimal, round_down, round_up};
 
 const AXIS_CODES: AxisCodes = [code::OSC_AXIS_VELOCITY, code::OSC_AXIS_ACCELERATION, code::OSC_AXIS_JERK];
 /// Phase error from which on it is worth a warning, degrees.
@@ -19,6 +21,8 @@ pub(super) const PHASE_TOLERANCE_DEG: f64 = 1.0;
 pub(super) const ROUNDING: f64 = 1e-9;
 /// Longest hold that a waveform is suggested for: what is left is one ramp, a short retraction and the other ramp.
 const MAX_LONG_HOLD: f64 = 0.9;
+/// Amplitudes that are tried beside another waveform, in equal steps.
+const AMPLITUDE_SHARES: u32 = 64;
 /// Height that counts as left over above an edge, mm.
 pub(super) const NOTHING_MM: f64 = 1e-6;
 
@@ -194,7 +198,12 @@ fn overrides(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mu
 }
 
 fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    // What the drives let arrive at the tool counts, where they are known; see also `OSC-FOLLOWING`.
+    let at_tool_deg = report.following.as_ref().map(|following| following.phase_error_deg);
     let error_deg = report.phase_error_deg;
+    if at_tool_deg.is_some_and(|deg| deg.abs() <= PHASE_TOLERANCE_DEG) {
+        return;
+    }
     if error_deg.abs() <= PHASE_TOLERANCE_DEG {
         return;
     }
@@ -209,16 +218,8 @@ fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
     } else {
         Finding::new(code::OSC_PHASE_OFF, job.span, message)
     };
-    let cure_deg = job.condition.axial.phase_deg + error_deg;
-    // To a thousandth, and no negative zero.
-    let cure_deg = round_to(cure_deg - 360.0 * (cure_deg / 360.0).round(), 3) + 0.0;
-    findings.push(finding.ranked("", error_deg.abs()).with_value("phase_error", error_deg, "deg").suggest_value(
-        format!("let the axial oscillation run ahead by {} degrees", decimal(cure_deg, 3)),
-        None,
-        "axial_phase",
-        cure_deg,
-        "deg",
-    ));
+    let finding = finding.ranked("", error_deg.abs()).with_value("phase_error", error_deg, "deg");
+    findings.push(suggest_phase(finding, job, report));
 }
 
 /// Which edges lead and finish, and whether they are those meant for it.
@@ -319,19 +320,55 @@ fn jerk_step(job: &OscillationJob<'_>, load: &DirectionLoad, name: &'static str,
             "mm/s²",
         );
         findings.push(match waveform {
-            Some(Waveform::HeldPeak { hold_share }) => finding.suggest_value(
-                "use the jerk-limited held peak with the same holds",
-                None,
-                "hold_share",
-                *hold_share,
-                "",
-            ),
+            Some(Waveform::HeldPeak { hold_share }) => jerk_limited(job, load, *hold_share, finding),
             // No other waveform holds the protrusion longer than the retraction.
             Some(Waveform::Table { .. }) if needs_long_hold(job, load.direction) => {
                 finding.suggest("use a smaller axial amplitude or a lower spindle speed, which make the step smaller")
             }
             _ => finding.suggest("use a sine or the jerk-limited held peak"),
         });
+    }
+}
+
+/// The jerk-limited held peak instead, with as much of the amplitude as its larger jerk leaves possible.
+fn jerk_limited(job: &OscillationJob<'_>, load: &DirectionLoad, hold_share: f64, finding: Finding) -> Finding {
+    let fits = |amplitude_mm: f64| {
+        let mut condition = job.condition.clone();
+        let direction = match load.direction {
+            OscillationDirection::Feed => Some(&mut condition.feed),
+            OscillationDirection::Axial => Some(&mut condition.axial),
+            OscillationDirection::Cross => condition.cross.as_mut(),
+        };
+        if let Some(direction) = direction {
+            direction.waveform = Waveform::JerkLimitedHeldPeak { hold_share };
+            direction.amplitude_mm = amplitude_mm;
+        }
+        let job = OscillationJob { condition: &condition, ..*job };
+        synchronise(&job, &mut Vec::new()).is_some_and(|oscillation| {
+            let feed_per_period_mm = job.cut.feed_per_rev_mm() / f64::from(oscillation.periods_per_rev);
+            let feed_mm = oscillation.feed.amplitude_mm;
+            let ramp_mm = ramp_mm(condition.ramp_periods, feed_per_period_mm, feed_mm, condition.may_overrun);
+            leaves_feed(&oscillation, &job.cut, ramp_mm, &job)
+        })
+    };
+    let cure = "use the jerk-limited held peak with the same holds";
+    if fits(load.amplitude_mm) {
+        return finding.suggest_value(cure, None, "hold_share", hold_share, "");
+    }
+    let shares = (1..AMPLITUDE_SHARES).rev().map(|share| f64::from(share) / f64::from(AMPLITUDE_SHARES));
+    let amplitudes = shares.map(|share| round_down(share * load.amplitude_mm, 4));
+    match amplitudes.into_iter().find(|amplitude_mm| *amplitude_mm > 0.0 && fits(*amplitude_mm)) {
+        Some(amplitude_mm) => finding.suggest_value(
+            format!(
+                "{cure} and an amplitude of {} mm, beyond which the axes cannot follow it",
+                decimal(amplitude_mm, 4)
+            ),
+            None,
+            "hold_share",
+            hold_share,
+            "",
+        ),
+        None => finding.suggest("use a smaller amplitude or a lower spindle speed, which make the step smaller"),
     }
 }
 

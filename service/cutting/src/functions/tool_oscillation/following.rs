@@ -104,14 +104,17 @@ fn arrival(
     }
 }
 
-/// The phase error at the tool: a lagging axis comes later to its largest protrusion, or to its largest retreat.
-fn worst_phase_error_deg(oscillation: &ToolOscillation, directions: &[DirectionFollowing]) -> f64 {
-    let of = |direction| directions.iter().filter(move |it| it.direction == direction);
-    let commanded_deg = oscillation.phase_error_deg();
-    let errors = of(OscillationDirection::Axial).flat_map(|axial| {
+/// The phase errors at the tool: a lagging axis comes later to its largest protrusion, or to its largest retreat.
+fn phase_errors_deg(commanded_deg: f64, directions: &[DirectionFollowing]) -> impl Iterator<Item = f64> {
+    let of = move |direction| directions.iter().filter(move |it| it.direction == direction);
+    of(OscillationDirection::Axial).flat_map(move |axial| {
         of(OscillationDirection::Feed).map(move |feed| within_half_turn(commanded_deg + axial.lag_deg - feed.lag_deg))
-    });
-    errors
+    })
+}
+
+/// That of the axes with which it is worst.
+fn worst_phase_error_deg(oscillation: &ToolOscillation, directions: &[DirectionFollowing]) -> f64 {
+    phase_errors_deg(oscillation.phase_error_deg(), directions)
         .fold(None, |worst: Option<f64>, error| Some(worst.filter(|worst| worst.abs() >= error.abs()).unwrap_or(error)))
         .unwrap_or(0.0)
 }
@@ -153,23 +156,23 @@ pub(super) fn findings(job: &OscillationJob<'_>, report: &OscillationReport, fin
             decimal(load.amplitude_mm, 4),
             decimal(arriving.arriving_amplitude_mm, 5)
         );
-        let finding = Finding::new(code::OSC_FOLLOWING, job.span, message)
+        let finding = Finding::new(code::OSC_FOLLOWING_NOTED, job.span, message)
             .ranked(format!("{name} {letter}"), (share - 1.0).abs())
             .with_value("arriving_amplitude", arriving.arriving_amplitude_mm, "mm")
             .with_value("gain", arriving.gain, "")
             .with_value("lag", arriving.lag_deg, "deg");
-        findings.push(match arriving.amplitude_to_command_mm {
-            Some(command_mm) => {
-                let command_mm = round_to(command_mm, 4);
-                let cure = format!(
-                    "command {} mm, running ahead by {} degrees",
-                    decimal(command_mm, 4),
-                    decimal(arriving.phase_to_command_deg, 3)
-                );
-                finding.suggest_value(cure, None, "amplitude", command_mm, "mm")
-            }
-            None => finding.suggest("turn slower, or shorten the filter of the drive"),
-        });
+        // The share is the same of every amplitude: no amplitude ends the finding.
+        let finding = match arriving.amplitude_to_command_mm {
+            Some(command_mm) => finding.suggest(format!(
+                "nothing has to be changed where that is wanted; {} mm arrive of {} mm running ahead by {} degrees, and of every \
+                 amplitude the same share, so that this is said of it again",
+                decimal(load.amplitude_mm, 4),
+                decimal(round_to(command_mm, 4), 4),
+                decimal(arriving.phase_to_command_deg, 3)
+            )),
+            None => finding,
+        };
+        findings.push(finding.suggest("a slower spindle, or a drive with less lag, lets it arrive as it is commanded"));
     }
     phase(job, report, following.phase_error_deg, findings);
 }
@@ -184,19 +187,40 @@ fn phase(job: &OscillationJob<'_>, report: &OscillationReport, error_deg: f64, f
         decimal(error_deg.abs(), 2),
         if error_deg > 0.0 { "after" } else { "before" }
     );
-    let cure_deg = round_to(within_half_turn(job.condition.axial.phase_deg + error_deg), 3) + 0.0;
-    findings.push(
-        Finding::new(code::OSC_FOLLOWING, job.span, message)
-            .ranked("phase", error_deg.abs())
-            .with_value("phase_error", error_deg, "deg")
-            .suggest_value(
-                format!("let the axial oscillation run ahead by {} degrees", decimal(cure_deg, 3)),
-                None,
-                "axial_phase",
-                cure_deg,
-                "deg",
-            ),
+    let finding = Finding::new(code::OSC_FOLLOWING, job.span, message).ranked("phase", error_deg.abs()).with_value(
+        "phase_error",
+        error_deg,
+        "deg",
     );
+    findings.push(suggest_phase(finding, job, report));
+}
+
+/// The axial phase with which protrusion and retreat come together at the tool, whichever axes carry them.
+pub(super) fn suggest_phase(finding: Finding, job: &OscillationJob<'_>, report: &OscillationReport) -> Finding {
+    let commanded_deg = report.phase_error_deg;
+    let [least, most] = match &report.following {
+        Some(following) => phase_errors_deg(commanded_deg, &following.directions)
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], error| [least.min(error), most.max(error)]),
+        None => [commanded_deg; 2],
+    };
+    if most - least > 2.0 * PHASE_TOLERANCE_DEG {
+        let message = format!(
+            "no phase serves all axes that carry the feed: their errors lie between {} and {} degrees; give them the same \
+             drive",
+            decimal(least, 2),
+            decimal(most, 2)
+        );
+        return finding.suggest(message);
+    }
+    // To a thousandth, and no negative zero.
+    let cure_deg = round_to(within_half_turn(job.condition.axial.phase_deg + 0.5 * (least + most)), 3) + 0.0;
+    finding.suggest_value(
+        format!("let the axial oscillation run ahead by {} degrees", decimal(cure_deg, 3)),
+        None,
+        "axial_phase",
+        cure_deg,
+        "deg",
+    )
 }
 
 /// An angle, degrees, within ±180.

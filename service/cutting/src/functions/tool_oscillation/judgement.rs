@@ -107,8 +107,8 @@ impl ActiveOscillation {
             engagement_deg: [-90.0, 90.0],
         };
         let mut said = |shortage: Shortage, fits: &dyn Fn(&OscillationRun) -> bool| {
-            let fits = |share: f64| fits(&run.with_amplitudes(share));
-            found.push(shortage.finding(self.on_span, run, fits));
+            let feed_per_period_mm = cut.feed_per_rev_mm() / f64::from(run.oscillation.periods_per_rev);
+            found.push(shortage.finding(self.on_span, run, feed_per_period_mm, fits));
             false
         };
         match shares {

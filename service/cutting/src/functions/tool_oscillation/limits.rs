@@ -2,23 +2,23 @@
 
 use std::sync::Arc;
 
-use feedwave_motion::kinematics::ToolFrame;
+use feedwave_motion::kinematics::{TipPath, ToolFrame};
 use feedwave_motion::{Element, FiveAxis, Machine, PathLimits};
 use feedwave_program::{Axis, Finding, SourceSpan};
 use serde::{Deserialize, Serialize};
 
+use super::blended::Demand;
 use super::code;
 use super::superposition::rotary_rad;
-use super::{DirectionLimits, DirectionMotion, OscillationCut, OscillationLimits, OscillationRun};
-use crate::shared::blend::BLEND_PEAKS;
-use crate::shared::wording::{decimal, round_down};
+use super::{DirectionLimits, OscillationCut, OscillationJob, OscillationLimits, OscillationRun, ToolOscillation};
+use crate::shared::wording::decimal;
 
 /// Most of the spindle's angular speed with which the feed direction may turn.
 pub(crate) const TURNING_SHARE: f64 = 0.05;
 /// What that adds to the velocity of the oscillation at most: the phase runs by this share faster, and the offset turns by the
 /// same share of its peak velocity. Accelerations and jerks are covered by its powers.
 const TURNING_FACTOR: f64 = 1.0 + 2.0 * TURNING_SHARE;
-/// The same for a guided tool, whose own directions turn by that share as well.
+/// The same for a guided tool, whose own directions turn by that share as well, at most.
 const GUIDED_TURNING_FACTOR: f64 = 1.0 + 3.0 * TURNING_SHARE;
 /// Largest feed override: what is blended over the path comes that much faster.
 pub(crate) const TOP_OVERRIDE: f64 = 2.0;
@@ -64,20 +64,27 @@ pub(crate) struct GuidedLimits {
 pub(crate) struct AxisShares {
     axes: [Axis; 3],
     shares: [[f64; 2]; 3],
+    /// By how much the directions turn at most, rad for each mm of the path, rounded up to a power of two; infinite where the path
+    /// itself is curved.
+    turned_rad_per_mm: f64,
 }
 
 /// Places of an element at which shares are examined.
 const SHARE_PLACES: usize = 16;
 /// Steps in which a share is rounded up.
 const SHARE_STEPS: f64 = 32.0;
+/// Least turn for each mm that is told from none, rad.
+const LEAST_TURN_RAD: f64 = 1.0 / 1_048_576.0;
+/// By how much an element turns faster somewhere than from one examined place to the next at most.
+const UNEVEN_TURN: f64 = 2.0;
 
 impl AxisShares {
     /// Of an element of a guided tool; nothing where the linear axes do not span space.
     pub(crate) fn of(frame: &ToolFrame, element: &Element, five_axis: &FiveAxis) -> Option<Self> {
         let mut shares = [[0.0_f64; 2]; 3];
         let (mut turned_rad, mut before) = (0.0_f64, None);
-        let rests = frame.is_constant() || !element_turns(element, five_axis);
-        let places = if rests { 0 } else { SHARE_PLACES };
+        let turns = element_turns(element, five_axis);
+        let places = if turns { SHARE_PLACES } else { 0 };
         for place in 0..=places {
             let s = element.length * place as f64 / places.max(1) as f64;
             let at_rad = rotary_rad(element, five_axis, s);
@@ -92,14 +99,33 @@ impl AxisShares {
                 turned_rad = turned_rad.max((at_rad[0] - first_rad).abs() + (at_rad[1] - second_rad).abs());
             }
         }
+        let between_rad = if frame.is_constant() { 0.0 } else { 0.5 * turned_rad };
         for [across, along] in &mut shares {
             // Between two places an axis has at most what half of the turn adds.
-            let most = libm::hypot(*across, *along) * 0.5 * turned_rad;
+            let most = libm::hypot(*across, *along) * between_rad;
             for share in [across, along] {
                 *share = libm::ceil((*share + most) * SHARE_STEPS - 1e-6) / SHARE_STEPS;
             }
         }
-        Some(Self { axes: frame.linear_axes(), shares })
+        let turned_rad_per_mm = match five_axis.tip() {
+            TipPath::Line(_) if !turns => 0.0,
+            TipPath::Line(_) => {
+                let most = UNEVEN_TURN * turned_rad * places as f64 / element.length;
+                let mut rounded = LEAST_TURN_RAD;
+                while rounded < most {
+                    rounded *= 2.0;
+                }
+                rounded
+            }
+            _ => f64::INFINITY,
+        };
+        Some(Self { axes: frame.linear_axes(), shares, turned_rad_per_mm })
+    }
+
+    /// By how much the phase and the directions of the oscillation run faster than on a straight path that does not turn, as a factor.
+    fn turning(&self, cut: &OscillationCut) -> f64 {
+        let rad_per_rev = self.turned_rad_per_mm * TOP_OVERRIDE * cut.feed_per_rev_mm();
+        1.0 + 3.0 * (rad_per_rev / core::f64::consts::TAU).min(TURNING_SHARE)
     }
 
     /// What the machine can do across the tool and along it: the weakest of the axes that have a share.
@@ -143,43 +169,58 @@ impl GuidedLimits {
     ) -> Result<Self, Shortage> {
         let period_s = 60.0 / cut.spindle_rev_per_min / f64::from(run.oscillation.periods_per_rev);
         let rate = TOP_OVERRIDE * cut.feed_mm_per_min / 60.0 / run.ramp_mm;
-        let [first, second, third] = BLEND_PEAKS;
         let oscillation = &run.oscillation;
         let motions = core::iter::once(&oscillation.feed).chain(&oscillation.cross);
-        let plane = summed_peaks(motions, period_s, GUIDED_TURNING_FACTOR);
-        let axial = summed_peaks(core::iter::once(&oscillation.axial), period_s, GUIDED_TURNING_FACTOR);
-        let peaks = shares.shares.map(|[across, along]| [0, 1, 2, 3].map(|k| across * plane[k] + along * axial[k]));
+        let turning = shares.turning(cut);
+        let plane = Demand::of(motions, period_s, turning, rate);
+        let axial = Demand::of(core::iter::once(&oscillation.axial), period_s, turning, rate);
+        let demands = shares.shares.map(|[across, along]| plane.scaled(across).plus(&axial.scaled(along)));
         let mut left = machine.clone();
         let columns = shares.axes.map(|axis| left.axes.iter().position(|own| own.axis == axis));
-        let slope = |amplitude: f64| first * amplitude / run.ramp_mm;
-        // What is left of one limit on every axis, and what the path may do then.
-        let settle = |limits: [f64; 3], taken: [f64; 3], unit: &'static str| -> Result<([f64; 3], f64), Shortage> {
+        let slopes = demands.map(|demand| demand.slope(run.ramp_mm));
+        let short = |k: usize, taken: f64, limit: f64, unit: &'static str| {
+            let axis = columns[k].map_or_else(String::new, |column| machine.axes[column].name.clone());
+            Shortage { axis, taken, limit, unit }
+        };
+        // What is left of one limit on every axis for the path.
+        let settle = |limits: [f64; 3], taken: [f64; 3], unit: &'static str| -> Result<f64, Shortage> {
             let mut path = f64::INFINITY;
             for k in 0..3 {
-                let rest = (limits[k] - taken[k]) / (1.0 + slope(peaks[k][0]));
+                let rest = (limits[k] - taken[k]) / (1.0 + slopes[k]);
                 if rest < LEAST_SHARE * limits[k] {
-                    let axis = columns[k].map_or_else(String::new, |column| machine.axes[column].name.clone());
-                    return Err(Shortage { axis, taken: taken[k], limit: limits[k], unit });
+                    return Err(short(k, taken[k], limits[k], unit));
                 }
                 path = path.min(rest);
             }
-            Ok((core::array::from_fn(|k| limits[k] - taken[k] - slope(peaks[k][0]) * path), path))
+            Ok(path)
         };
         let limit_of = |of: fn(&feedwave_motion::MachineAxis) -> f64| {
             columns.map(|column| column.map_or(f64::INFINITY, |column| of(&machine.axes[column])))
         };
-        let taken = peaks.map(|[amplitude, velocity, ..]| velocity + first * rate * amplitude);
-        let (velocity_left, _) = settle(limit_of(|axis| axis.max_velocity_per_s), taken, "mm/s")?;
-        let taken = peaks.map(|[amplitude, velocity, acceleration, _]| {
-            acceleration + 2.0 * first * rate * velocity + second * rate * rate * amplitude
-        });
-        let (acceleration_left, acceleration) = settle(limit_of(|axis| axis.max_acceleration_per_s2), taken, "mm/s²")?;
-        let bend = second * rate * rate + first * acceleration / run.ramp_mm;
-        let taken = peaks.map(|[amplitude, velocity, own, jerk]| {
-            let blended = third * rate * rate * rate + 3.0 * second * rate * acceleration / run.ramp_mm;
-            jerk + 3.0 * first * rate * own + 3.0 * bend * velocity + blended * amplitude
-        });
-        let (jerk_left, jerk) = settle(limit_of(|axis| axis.max_jerk_per_s3), taken, "mm/s³")?;
+        let (velocities, accelerations, jerks) = (
+            limit_of(|axis| axis.max_velocity_per_s),
+            limit_of(|axis| axis.max_acceleration_per_s2),
+            limit_of(|axis| axis.max_jerk_per_s3),
+        );
+        let [by_velocity, by_acceleration, by_jerk] = [0, 1, 2].map(|order| demands.map(|demand| demand.steady[order]));
+        let velocity = settle(velocities, by_velocity, "mm/s")?;
+        let mut acceleration = settle(accelerations, by_acceleration, "mm/s²")?;
+        let coupled = demands.map(|demand| demand.jerk_by_acceleration(rate, run.ramp_mm));
+        for k in 0..3 {
+            acceleration = acceleration.min(gentle_acceleration(jerks[k], by_jerk[k], coupled[k]));
+            let least = LEAST_SHARE * accelerations[k];
+            if acceleration < least {
+                return Err(short(k, jerk_taken(jerks[k], by_jerk[k], least * coupled[k]), jerks[k], "mm/s³"));
+            }
+        }
+        let taken = core::array::from_fn(|k| by_jerk[k] + coupled[k] * acceleration);
+        let jerk = settle(jerks, taken, "mm/s³")?;
+        let less = |limits: [f64; 3], taken: [f64; 3], path: f64| -> [f64; 3] {
+            core::array::from_fn(|k| limits[k] - taken[k] - slopes[k] * path)
+        };
+        let velocity_left = less(velocities, by_velocity, velocity);
+        let acceleration_left = less(accelerations, by_acceleration, acceleration);
+        let jerk_left = less(jerks, taken, jerk);
         for k in 0..3 {
             if let Some(column) = columns[k] {
                 let axis = &mut left.axes[column];
@@ -251,9 +292,15 @@ pub(crate) struct Shortage {
 }
 
 impl Shortage {
-    /// The report has the peaks themselves; here they leave nothing for the feed and its blend. `fits` says whether `run`
-    /// with all amplitudes multiplied by a share leaves enough.
-    pub(crate) fn finding(&self, span: SourceSpan, run: &OscillationRun, fits: impl Fn(f64) -> bool) -> Finding {
+    /// The report has the peaks themselves; here they leave nothing for the feed and its blend. `fits` says whether a run with other
+    /// amplitudes leaves enough.
+    pub(crate) fn finding(
+        &self,
+        span: SourceSpan,
+        run: &OscillationRun,
+        feed_per_period_mm: f64,
+        fits: impl Fn(&OscillationRun) -> bool,
+    ) -> Finding {
         let message = format!(
             "the oscillation takes {} of the {} axis' limit of {} {}: nothing is left for the feed",
             decimal(self.taken, 1),
@@ -265,17 +312,26 @@ impl Shortage {
             .ranked(self.axis.clone(), self.taken / self.limit)
             .with_value("demanded", self.taken, self.unit)
             .with_value("limit", self.limit, self.unit);
+        let with = |share: f64| run.with_amplitudes(share, feed_per_period_mm);
         let (mut least, mut most) = (0.0, 1.0);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (least + most);
-            *(if fits(middle) { &mut least } else { &mut most }) = middle;
+            *(if fits(&with(middle)) { &mut least } else { &mut most }) = middle;
         }
-        let amplitude = |motion: &DirectionMotion| round_down(least * motion.amplitude_mm, 4);
-        let (feed_mm, axial_mm) = (amplitude(&run.oscillation.feed), amplitude(&run.oscillation.axial));
+        let OscillationRun { oscillation, .. } = with(least);
+        let (feed_mm, axial_mm) = (oscillation.feed.amplitude_mm, oscillation.axial.amplitude_mm);
         let finding = if least > 0.0 {
-            let cure = format!("use amplitudes of {} mm along the feed", decimal(feed_mm, 4));
+            let cross = oscillation
+                .cross
+                .as_ref()
+                .map_or_else(String::new, |cross| format!(", of {} mm across it", decimal(cross.amplitude_mm, 4)));
+            let cure = format!(
+                "use amplitudes of {} mm along the feed{cross} and of {} mm along the tool axis",
+                decimal(feed_mm, 4),
+                decimal(axial_mm, 4)
+            );
             finding.suggest_value(cure, None, "feed_amplitude", feed_mm, "mm").suggest_value(
-                format!("and {} mm along the tool axis", decimal(axial_mm, 4)),
+                format!("beside that amplitude along the feed, {} mm along the tool axis", decimal(axial_mm, 4)),
                 None,
                 "axial_amplitude",
                 axial_mm,
@@ -291,30 +347,9 @@ impl Shortage {
 /// Halvings until the largest share of the amplitudes is known to four digits.
 const BISECTIONS: u32 = 14;
 
-/// Amplitude and peaks of velocity, acceleration and jerk of motions that reach them at once, with the phase running faster by
-/// `turning`.
-fn summed_peaks<'a>(motions: impl Iterator<Item = &'a DirectionMotion>, period_s: f64, turning: f64) -> [f64; 4] {
-    motions.fold([0.0; 4], |[a, v, c, j], motion| {
-        let peaks = motion.peaks(period_s);
-        [
-            a + motion.amplitude_mm,
-            v + turning * peaks.velocity_mm_per_s,
-            c + turning * turning * peaks.acceleration_mm_per_s2,
-            j + turning * turning * turning * peaks.jerk_mm_per_s3,
-        ]
-    })
-}
-
-/// The machine with what the oscillation leaves of its limits. With E the blend, s the place on the path and D its length, the
-/// offset E(s)·u(t) has
-///
-/// ```text
-/// (E·u)'   = E·u' + E'·s'·u
-/// (E·u)''  = E·u'' + 2·E'·s'·u' + (E''·s'² + E'·s'')·u
-/// (E·u)''' = E·u''' + 3·E'·s'·u'' + 3·(E''·s'² + E'·s'')·u' + (E'''·s'³ + 3·E''·s'·s'' + E'·s''')·u
-/// ```
-///
-/// The parts with s'' and s''' go with the feed's own acceleration and jerk: what is left for the feed is divided by 1 + E'·A.
+/// The machine with what the oscillation leaves of its limits ([`super::blended`]). The parts with s'' and s''' go with the feed's own
+/// acceleration and jerk: what is left for the feed is divided by 1 + E'·A. An acceleration s'' within the blend asks for jerk with u'
+/// beside: where that would be too much, the path accelerates less.
 fn left_limits(
     machine: &Machine,
     run: &OscillationRun,
@@ -323,21 +358,35 @@ fn left_limits(
 ) -> Result<Machine, Shortage> {
     let period_s = 60.0 / cut.spindle_rev_per_min / f64::from(run.oscillation.periods_per_rev);
     let rate = TOP_OVERRIDE * cut.feed_mm_per_min / 60.0 / run.ramp_mm;
-    let [first, second, third] = BLEND_PEAKS;
     let oscillation = &run.oscillation;
     // In the plane both directions at once at worst.
-    let plane = summed_peaks(core::iter::once(&oscillation.feed).chain(&oscillation.cross), period_s, turning);
-    let axial = summed_peaks(core::iter::once(&oscillation.axial), period_s, turning);
+    let plane = Demand::of(core::iter::once(&oscillation.feed).chain(&oscillation.cross), period_s, turning, rate);
+    let axial = Demand::of(core::iter::once(&oscillation.axial), period_s, turning, rate);
+    let demand_of = |axis: Axis| match axis {
+        Axis::X | Axis::Y => Some(plane),
+        Axis::Z => Some(axial),
+        _ => None,
+    };
+    // What the jerk of any axis leaves to the acceleration of the path.
+    let mut gentle = f64::INFINITY;
+    for axis in &machine.axes {
+        let Some(demand) = demand_of(axis.axis) else { continue };
+        let ([.., fixed], coupled) = (demand.steady, demand.jerk_by_acceleration(rate, run.ramp_mm));
+        gentle = gentle.min(gentle_acceleration(axis.max_jerk_per_s3, fixed, coupled));
+        let least = LEAST_SHARE * axis.max_acceleration_per_s2;
+        if gentle < least {
+            let taken = jerk_taken(axis.max_jerk_per_s3, fixed, least * coupled);
+            return Err(Shortage { axis: axis.name.clone(), taken, limit: axis.max_jerk_per_s3, unit: "mm/s³" });
+        }
+    }
     let mut left = machine.clone();
     let mut path = [0.0f64; 2];
     // The plane first: its acceleration and jerk are what the axial blend has to follow.
     for is_axial in [false, true] {
-        let [amplitude, velocity, acceleration, jerk] = if is_axial { axial } else { plane };
-        let slope = first * amplitude / run.ramp_mm;
         for axis in &mut left.axes {
-            if is_axial != (axis.axis == Axis::Z) || !matches!(axis.axis, Axis::X | Axis::Y | Axis::Z) {
-                continue;
-            }
+            let Some(demand) = demand_of(axis.axis).filter(|_| is_axial == (axis.axis == Axis::Z)) else { continue };
+            let slope = demand.slope(run.ramp_mm);
+            let [by_velocity, by_acceleration, by_jerk] = demand.steady;
             let take = |limit: f64, taken: f64, unit: &'static str| {
                 let rest = (limit - taken) / if is_axial { 1.0 } else { 1.0 + slope };
                 if rest >= LEAST_SHARE * limit {
@@ -347,17 +396,11 @@ fn left_limits(
                 }
             };
             let feed = |index: usize| if is_axial { slope * path[index] } else { 0.0 };
-            let taken = velocity + first * rate * amplitude;
-            let velocity_left = take(axis.max_velocity_per_s, taken, "mm/s")?;
-            let taken = acceleration + 2.0 * first * rate * velocity + second * rate * rate * amplitude + feed(0);
-            let acceleration_left = take(axis.max_acceleration_per_s2, taken, "mm/s²")?;
+            let velocity_left = take(axis.max_velocity_per_s, by_velocity, "mm/s")?;
+            let acceleration_left = take(axis.max_acceleration_per_s2, by_acceleration + feed(0), "mm/s²")?;
+            let acceleration_left = if is_axial { acceleration_left } else { acceleration_left.min(gentle) };
             let path_acceleration = if is_axial { path[0] } else { acceleration_left };
-            let bend = second * rate * rate + first * path_acceleration / run.ramp_mm;
-            let taken = jerk
-                + 3.0 * first * rate * acceleration
-                + 3.0 * bend * velocity
-                + (third * rate * rate * rate + 3.0 * second * rate * path_acceleration / run.ramp_mm) * amplitude
-                + feed(1);
+            let taken = by_jerk + path_acceleration * demand.jerk_by_acceleration(rate, run.ramp_mm) + feed(1);
             let jerk_left = take(axis.max_jerk_per_s3, taken, "mm/s³")?;
             (axis.max_velocity_per_s, axis.max_acceleration_per_s2, axis.max_jerk_per_s3) =
                 (velocity_left, acceleration_left, jerk_left);
@@ -367,4 +410,47 @@ fn left_limits(
         }
     }
     Ok(left)
+}
+
+/// Jerk that is told to be taken where too little is left: that of a steady feed where it is too much already, or with twice what the
+/// least acceleration of the path asks for beside.
+fn jerk_taken(limit: f64, steady: f64, by_least_acceleration: f64) -> f64 {
+    if steady >= limit { steady } else { steady + 2.0 * by_least_acceleration }
+}
+
+/// Acceleration of the path, mm/s², that takes half of the jerk which is left.
+fn gentle_acceleration(limit: f64, taken: f64, coupled: f64) -> f64 {
+    if coupled > 0.0 { 0.5 * (limit - taken) / coupled } else { f64::INFINITY }
+}
+
+/// Whether an oscillation that is blended over `ramp_mm` leaves the feed enough of what the machine can do in each direction. Where one
+/// axis may carry a part of every direction, they are counted together.
+pub(super) fn leaves_feed(
+    oscillation: &ToolOscillation,
+    cut: &OscillationCut,
+    ramp_mm: f64,
+    job: &OscillationJob<'_>,
+) -> bool {
+    let period_s = 60.0 / cut.spindle_rev_per_min / f64::from(oscillation.periods_per_rev);
+    let rate = TOP_OVERRIDE * cut.feed_mm_per_min / 60.0 / ramp_mm;
+    let motions = core::iter::once(&oscillation.feed).chain(&oscillation.cross);
+    let plane = Demand::of(motions, period_s, GUIDED_TURNING_FACTOR, rate);
+    let axial = Demand::of(core::iter::once(&oscillation.axial), period_s, GUIDED_TURNING_FACTOR, rate);
+    // Shares of velocity, acceleration and jerk.
+    let shares = |demand: &Demand, limits: DirectionLimits| {
+        let [velocity, acceleration, jerk] = demand.steady;
+        let path = LEAST_SHARE * limits.acceleration_mm_per_s2 * demand.jerk_by_acceleration(rate, ramp_mm);
+        let slope = 1.0 + demand.slope(ramp_mm);
+        [
+            velocity / limits.velocity_mm_per_s + LEAST_SHARE * slope,
+            acceleration / limits.acceleration_mm_per_s2 + LEAST_SHARE * slope,
+            (jerk + 2.0 * path) / limits.jerk_mm_per_s3 + 2.0 * LEAST_SHARE * slope,
+        ]
+    };
+    let (plane, axial) = (shares(&plane, job.limits.plane), shares(&axial, job.limits.axial));
+    let together = job.drives.is_some_and(|drives| drives.guided);
+    plane
+        .into_iter()
+        .zip(axial)
+        .all(|(plane, axial)| if together { plane + axial <= 1.0 } else { plane.max(axial) <= 1.0 })
 }

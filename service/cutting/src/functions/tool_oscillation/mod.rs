@@ -4,6 +4,7 @@
 //! Everything is a function of the spindle angle. Axial offsets are **retractions**, positive away from the work; a
 //! protrusion is the negative of one. Amplitudes are half the peak-to-peak travel.
 
+mod blended;
 pub(crate) mod code;
 mod condition;
 mod curve;

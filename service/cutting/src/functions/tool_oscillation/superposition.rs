@@ -12,12 +12,13 @@ use feedwave_motion::{Arc, Curve, Element, FiveAxis, sincos_turns};
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
-use super::{DirectionMotion, ToolOscillation};
+use super::{DirectionMotion, ToolOscillation, ramp_mm};
 use crate::shared::blend::BlendedPath;
 use crate::shared::columns::{ColumnMap, Samples};
 use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
 use crate::shared::superposition::SuperpositionBarrier;
 use crate::shared::track::PathBarrier;
+use crate::shared::wording::round_down;
 
 /// A barrier of a part of the path on which the tool oscillates.
 pub(crate) type OscillationBarrier = SuperpositionBarrier<OscillationRun>;
@@ -83,11 +84,17 @@ impl OscillationScratch {
 }
 
 impl OscillationRun {
-    /// The same with all amplitudes multiplied by a share.
-    pub(crate) fn with_amplitudes(&self, share: f64) -> Self {
+    /// The same with all amplitudes multiplied by a share, as they are written. A blend that is as long as the amplitude needs may be
+    /// shorter then.
+    pub(crate) fn with_amplitudes(&self, share: f64, feed_per_period_mm: f64) -> Self {
+        let needed_mm = |run: &Self| ramp_mm(1, feed_per_period_mm, run.oscillation.feed.amplitude_mm, false);
         let mut run = self.clone();
         let plane = core::iter::once(&mut run.oscillation.feed).chain(&mut run.oscillation.cross);
-        plane.chain([&mut run.oscillation.axial]).for_each(|motion| motion.amplitude_mm *= share);
+        let written = |motion: &mut DirectionMotion| motion.amplitude_mm = round_down(share * motion.amplitude_mm, 4);
+        plane.chain([&mut run.oscillation.axial]).for_each(written);
+        if self.ramp_mm <= needed_mm(self) * (1.0 + 1e-9) {
+            run.ramp_mm = needed_mm(&run);
+        }
         run
     }
 

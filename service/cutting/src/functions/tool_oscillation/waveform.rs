@@ -145,6 +145,11 @@ fn table(points: &[[f64; 2]]) -> Result<PeriodicCurve, WaveformError> {
 }
 
 impl Wave {
+    /// Whether it is the sine.
+    pub(super) fn is_sine(&self) -> bool {
+        self.0 == Shape::Sine
+    }
+
     /// Value at a phase in turns, of any size.
     #[inline]
     #[must_use]
