@@ -6,7 +6,8 @@ use std::fmt::Write;
 
 use common::validate;
 use feedwave_cutting::{
-    GenerationMode, MachineProfile, OverrideChange, PipelineConfig, ValidationReport, VibrationEnvelope,
+    DriveModel, FollowingModel, GenerationMode, MachineProfile, OverrideChange, PipelineConfig, ValidationReport,
+    VibrationEnvelope,
 };
 use feedwave_program::{Finding, Severity, Suggestion};
 use proptest::prelude::*;
@@ -322,4 +323,87 @@ proptest! {
             }
         }
     }
+}
+
+/// A lathe whose axes all have one drive.
+fn driven(drive: DriveModel) -> PipelineConfig {
+    let mut config = lathe(&[]);
+    config.profile.following = FollowingModel { common: drive, axes: Vec::new() };
+    config
+}
+
+fn warnings(report: &ValidationReport, prefix: &str) -> Vec<String> {
+    let found = report.findings.iter().filter(|finding| finding.severity != Severity::Info);
+    found.filter(|finding| finding.code.name().starts_with(prefix)).map(|finding| finding.message.clone()).collect()
+}
+
+#[test]
+fn what_the_drives_lose_is_commanded_once_and_for_all() {
+    // A moving average of 20 ms passes a quarter of 30 Hz: the chip that 0.03 mm breaks stays whole.
+    let filtered = driven(DriveModel { filter_length_s: Some(0.025), ..DriveModel::default() });
+    let lazy = driven(DriveModel { position_loop_gain_per_s: Some(60.0), ..DriveModel::default() });
+    let mut cured = 0;
+    for config in [&filtered, &lazy] {
+        for (switch, feed) in
+            [("G200 F25 A0.03", "F0.02"), ("G200 F58.333 A0.012", "F0.01"), ("G200 F42 A0.02", "F0.02")]
+        {
+            let program = section(switch, feed, 1_000);
+            let report = validate(&program, config);
+            let Some(finding) = report.findings.iter().find(|it| it.code == "VIB-FOLLOWING-LOSS") else { continue };
+            if finding.severity == Severity::Info {
+                continue;
+            }
+            let replacement = finding.suggestions.iter().find_map(|suggestion| suggestion.replacement.as_deref());
+            let replacement = replacement.unwrap_or_else(|| panic!("{finding:#?}"));
+            let after = validate(&replaced(&program, finding, replacement), config);
+            assert_eq!(warnings(&after, "VIB-"), [] as [&str; 0], "{switch} -> {replacement}: {}", finding.message);
+            cured += 1;
+        }
+    }
+    assert!(cured >= 3, "{cured}");
+}
+
+#[test]
+fn a_loss_that_leaves_the_chip_broken_ends_with_the_frequency_that_is_named() {
+    let lazy = driven(DriveModel { position_loop_gain_per_s: Some(300.0), ..DriveModel::default() });
+    let program = section("G200 F41.667 A0.06", "F0.02", 1_000);
+    let report = validate(&program, &lazy);
+    let finding = the_finding(&report, "VIB-FOLLOWING-LOSS");
+    assert_eq!(finding.severity, Severity::Info);
+    let replacement = finding.suggestions[0].replacement.as_deref().expect("a frequency");
+    let after = validate(&replaced(&program, finding, replacement), &lazy);
+    assert!(after.findings.iter().all(|it| it.code != "VIB-FOLLOWING-LOSS"), "{replacement}: {:#?}", after.findings);
+    assert_eq!(warnings(&after, "VIB-"), [] as [&str; 0]);
+}
+
+#[test]
+fn a_cured_chip_breaks_with_what_the_drives_let_through() {
+    let lazy = driven(DriveModel { position_loop_gain_per_s: Some(60.0), ..DriveModel::default() });
+    let program = section("G200 F25 A0.008", "F0.02", 1_000);
+    let report = validate(&program, &lazy);
+    let finding = the_finding(&report, "VIB-CHIP-UNBROKEN");
+    let replacement = finding.suggestions.iter().find_map(|suggestion| suggestion.replacement.as_deref());
+    let after = validate(&replaced(&program, finding, replacement.expect("a cure")), &lazy);
+    assert_eq!(warnings(&after, "VIB-"), [] as [&str; 0], "{finding:#?}");
+}
+
+#[test]
+fn a_resonance_is_no_warning_where_the_machine_permits_what_arrives() {
+    let resonant = DriveModel {
+        position_loop_gain_per_s: Some(200.0),
+        velocity_loop_frequency_hz: Some(25.0),
+        ..DriveModel::default()
+    };
+    let mut config = driven(resonant);
+    let program = section("G200 F25 A0.05", "F0.02", 1_000);
+    let report = validate(&program, &config);
+    assert_eq!(the_finding(&report, "VIB-FOLLOWING-EXCESS").severity, Severity::Info);
+    assert_eq!(warnings(&report, "VIB-"), [] as [&str; 0]);
+    config.profile.vibration.max_amplitude_mm = 0.052;
+    let report = validate(&program, &config);
+    let finding = the_finding(&report, "VIB-FOLLOWING-EXCESS");
+    assert_eq!(finding.severity, Severity::Warning);
+    let replacement = finding.suggestions[0].replacement.as_deref().expect("an amplitude");
+    let after = validate(&replaced(&program, finding, replacement), &config);
+    assert_eq!(warnings(&after, "VIB-"), [] as [&str; 0]);
 }

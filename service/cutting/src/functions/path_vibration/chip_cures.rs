@@ -4,6 +4,7 @@
 
 use feedwave_program::{Finding, SourceSpan};
 
+use super::VibrationCondition;
 use super::chip::ChipReport;
 use super::chip_findings::percent;
 use super::findings::{Evidence, amplitude_of_word, amplitude_word, frequency_word};
@@ -14,6 +15,7 @@ use crate::shared::wording::{decimal, round_down, round_up};
 pub(super) struct Change {
     /// The frequency, Hz, or the spindle speed, rev/min, as it is written.
     value: f64,
+    frequency_hz: f64,
     vibrations_per_rev: f64,
     /// Smallest amplitude that breaks the chip with it, mm; `None` where none is known.
     least_mm: Option<f64>,
@@ -91,7 +93,8 @@ impl Evidence {
             }
             (Some(objection), _) => Err(objection),
         };
-        Change { value, vibrations_per_rev: tried.condition.frequency_hz / rev_per_s, least_mm, verdict }
+        let frequency_hz = tried.condition.frequency_hz;
+        Change { value, frequency_hz, vibrations_per_rev: frequency_hz / rev_per_s, least_mm, verdict }
     }
 
     fn frequencies_tried(&self, chip: &ChipReport) -> Vec<Change> {
@@ -209,8 +212,10 @@ impl Evidence {
             top if top > 1.0 => format!(" up to a feed override of {} %", percent(top)),
             _ => String::new(),
         };
-        let suffices =
-            change.least_mm.map_or_else(String::new, |mm| format!(", where {} mm suffice{up_to}", decimal(mm, 4)));
+        let arriving = self.arriving_words(change.frequency_hz);
+        let suffices = change
+            .least_mm
+            .map_or_else(String::new, |mm| format!(", where {} mm suffice{arriving}{up_to}", decimal(mm, 4)));
         let also = match beside {
             Beside::Nothing => String::new(),
             Beside::Amplitude(mm) => format!("; write {} as well", amplitude_word(mm, self.words.inch)),
@@ -218,15 +223,25 @@ impl Evidence {
         format!("D = {}{suffices}{also}", decimal(change.vibrations_per_rev, 1))
     }
 
+    /// What is reckoned to arrive of an amplitude where the drives do not let it through.
+    fn arriving_words(&self, frequency_hz: f64) -> String {
+        match self.trial.cuts.arriving_share(frequency_hz) {
+            share if share < 1.0 => format!(", of which {} % arrive at the tool", percent(share)),
+            _ => String::new(),
+        }
+    }
+
     /// An amplitude that breaks the chip at every permitted feed override, and its word where the finding is at it.
     pub(super) fn suggest_amplitude(&self, finding: Finding, least_mm: f64, word: Option<String>) -> Finding {
         let top = self.trial.top_override();
         let up_to =
             if top > 1.0 { format!(", enough up to a feed override of {} %", percent(top)) } else { String::new() };
-        let message = if least_mm > self.condition().amplitude_mm {
-            format!("raise the amplitude to at least {} mm{up_to}", decimal(least_mm, 4))
+        let VibrationCondition { frequency_hz, amplitude_mm } = self.condition();
+        let arriving = self.arriving_words(frequency_hz);
+        let message = if least_mm > amplitude_mm {
+            format!("raise the amplitude to at least {} mm{arriving}{up_to}", decimal(least_mm, 4))
         } else {
-            format!("lower the amplitude to {} mm, whose blends are shorter{up_to}", decimal(least_mm, 4))
+            format!("lower the amplitude to {} mm, whose blends are shorter{arriving}{up_to}", decimal(least_mm, 4))
         };
         finding.suggest_value(message, word, "amplitude", least_mm, "mm")
     }

@@ -170,19 +170,25 @@ feedwave_program::finding_codes! {
         example: lathe("G50 S3000\nG96 S150 M3\nG0 X60 Z0\nG200 F30 A0.06\nG1 X20 F0.1\nG201\nM30"),
     }
 
-    "VIB-FOLLOWING-LOSS" [VIB_FOLLOWING_LOSS: Warning] {
-        meaning: "too little of the vibration arrives at the tool",
+    "VIB-FOLLOWING-LOSS" [VIB_FOLLOWING_LOSS: Warning, VIB_FOLLOWING_LOSS_NOTED: Info] {
+        meaning: "less of the vibration arrives at the tool than is commanded: a warning where that is too little to break the \
+              chip",
         cause: "The filter behind interpolation or the position loop, as the profile's `following` states them, passes \
-              less than nine tenths of the amplitude, or too little to break the chip.",
-        cure: "Command the amplitude that the finding names, choose a lower frequency or a shorter filter.",
+              less than nine tenths of the amplitude, or too little to break the chip. The share is the same of every \
+              amplitude.",
+        cure: "Use the amplitude, frequency or spindle speed that the finding names: what arrives then breaks the chip. Where it \
+              does already, nothing has to be changed; the lower frequency that is named, a shorter filter or a stiffer loop lets more \
+              through.",
         example: on("lathe, following.filter_length_s = 0.02", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
-    "VIB-FOLLOWING-EXCESS" [VIB_FOLLOWING_EXCESS: Warning] {
-        meaning: "more of the vibration arrives at the tool than is commanded",
+    "VIB-FOLLOWING-EXCESS" [VIB_FOLLOWING_EXCESS: Warning, VIB_FOLLOWING_EXCESS_NOTED: Info] {
+        meaning: "more of the vibration arrives at the tool than is commanded: a warning where that is more than the machine's \
+              largest amplitude",
         cause: "The drives resonate near its frequency, as the profile's `following` states them: more than eleven tenths of \
-              the amplitude arrive.",
-        cure: "Command the amplitude that the finding names, or choose another frequency.",
+              the amplitude arrive. The share is the same of every amplitude.",
+        cure: "Command the amplitude that the finding names, or choose a frequency further below the resonance. Where the machine \
+              permits what arrives, nothing has to be changed.",
         example: on("lathe, following.position_loop_gain_per_s = 200, following.velocity_loop_frequency_hz = 25", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z-20 F0.05\nG201\nM30"),
     }
 

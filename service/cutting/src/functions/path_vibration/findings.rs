@@ -4,7 +4,6 @@
 use feedwave_motion::{LEAST_FEED_SHARE, LimitExceeded, Quantity};
 use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
-use super::chip::CutCondition;
 use super::code;
 use super::loads::Exceeded;
 use super::trial::{Trial, Tried};
@@ -14,12 +13,7 @@ use super::{
 };
 use crate::functions::axis_load::{AxisCodes, AxisLoad};
 use crate::functions::sampling::{FINE_SAMPLES, Sampling, suggest_period};
-use crate::shared::wording::{decimal, round_down, round_up, word};
-
-/// Share of the amplitude that has to arrive at the tool.
-const ARRIVING_SHARE: f64 = 0.9;
-/// Largest share of the amplitude that may arrive unmentioned.
-const EXCESSIVE_SHARE: f64 = 1.1;
+use crate::shared::wording::{decimal, round_down, word};
 
 /// Everything known about a section at its end.
 pub(super) struct Evidence {
@@ -323,109 +317,6 @@ impl Evidence {
                 .with_value("demanded", axis.acceleration_per_s2, unit)
                 .with_value("limit", axis.max_acceleration_per_s2, unit)
                 .suggest("blend the vibration in and out, so that the axes can follow its beginning and end"),
-        );
-    }
-
-    fn following(&self, findings: &mut Vec<Finding>) {
-        if !self.following_is_stated {
-            return;
-        }
-        self.following_loss(findings);
-        self.following_excess(findings);
-        self.following_contour(findings);
-    }
-
-    fn following_loss(&self, findings: &mut Vec<Finding>) {
-        let VibrationCondition { frequency_hz, amplitude_mm } = self.condition();
-        let following = &self.report.following;
-        let arriving_mm = following.arriving_amplitude_mm;
-        let no_longer_breaks = self.report.chip.as_ref().is_some_and(|chip| {
-            chip.broken && !CutCondition { amplitude_mm: arriving_mm, ..chip.condition }.breaks_chip()
-        });
-        if arriving_mm >= ARRIVING_SHARE * amplitude_mm && !no_longer_breaks {
-            return;
-        }
-        let consequence = if no_longer_breaks { ", too little to break the chip" } else { "" };
-        let message = format!(
-            "of {} mm amplitude at {} Hz only {} mm arrive at the tool{consequence}",
-            decimal(amplitude_mm, 4),
-            decimal(frequency_hz, 3),
-            decimal(arriving_mm, 5)
-        );
-        let finding = Finding::new(code::VIB_FOLLOWING_LOSS, self.amplitude_span(), message)
-            .at("line", self.report.first_line.into())
-            .ranked("", f64::from(u8::from(no_longer_breaks)))
-            .with_value("arriving_amplitude", arriving_mm, "mm")
-            .with_value("filter_gain", following.filter_gain, "")
-            .with_value("loop_gain", following.loop_gain, "")
-            .with_value("phase_lag", following.phase_lag_rad, "rad");
-        let to_command_mm = following.amplitude_to_command_mm.map(|command_mm| round_up(command_mm, 4));
-        findings.push(match to_command_mm.filter(|command_mm| *command_mm <= self.settings.max_amplitude_mm) {
-            Some(command_mm) => {
-                // The share that arrives is the same of every amplitude: no word ends the finding.
-                let cure =
-                    format!("command {} mm, so that {} mm arrive", decimal(command_mm, 4), decimal(amplitude_mm, 4));
-                finding.suggest_value(cure, None, "amplitude", command_mm, "mm")
-            }
-            None if following.filter_gain < following.loop_gain => {
-                finding.suggest("shorten the filter behind interpolation, or choose a lower frequency")
-            }
-            None => finding.suggest("choose a lower frequency, or a stiffer position loop"),
-        });
-    }
-
-    /// The drives resonate with the vibration.
-    fn following_excess(&self, findings: &mut Vec<Finding>) {
-        let VibrationCondition { frequency_hz, amplitude_mm } = self.condition();
-        let arriving_mm = self.report.following.largest_arriving_amplitude_mm;
-        if arriving_mm <= EXCESSIVE_SHARE * amplitude_mm {
-            return;
-        }
-        let message = format!(
-            "of {} mm amplitude at {} Hz the drives make {} mm at the tool",
-            decimal(amplitude_mm, 4),
-            decimal(frequency_hz, 3),
-            decimal(arriving_mm, 5)
-        );
-        let command_mm = round_down(amplitude_mm * amplitude_mm / arriving_mm, 4);
-        let finding = Finding::new(code::VIB_FOLLOWING_EXCESS, self.amplitude_span(), message)
-            .at("line", self.report.first_line.into())
-            .ranked("", arriving_mm / amplitude_mm)
-            .with_value("arriving_amplitude", arriving_mm, "mm");
-        findings.push(if command_mm > 0.0 {
-            let cure = format!(
-                "command {} mm, so that at most {} mm arrive",
-                decimal(command_mm, 4),
-                decimal(amplitude_mm, 4)
-            );
-            finding.suggest_value(cure, None, "amplitude", command_mm, "mm")
-        } else {
-            finding.suggest("choose a frequency below the resonance of the drives")
-        });
-    }
-
-    /// The axes lag by different amounts on a slope, or all of them on a curve.
-    fn following_contour(&self, findings: &mut Vec<Finding>) {
-        let Some(contour) = &self.report.following.contour else { return };
-        let tolerance_mm = self.settings.contour_tolerance_mm;
-        if contour.together_mm <= tolerance_mm {
-            return;
-        }
-        let message = format!(
-            "the lag of the drives leaves the contour by {} mm, of which {} mm by the feed",
-            decimal(contour.together_mm, 5),
-            decimal(contour.feed_mm, 5)
-        );
-        let line = if contour.feed_mm > contour.vibration_mm { contour.feed_line } else { contour.vibration_line };
-        findings.push(
-            Finding::new(code::VIB_FOLLOWING_CONTOUR, self.on_span, message)
-                .at("line", line.into())
-                .ranked("", contour.together_mm)
-                .with_value("contour_error", contour.together_mm, "mm")
-                .with_value("by_feed", contour.feed_mm, "mm")
-                .with_value("by_vibration", contour.vibration_mm, "mm")
-                .with_value("tolerance", tolerance_mm, "mm")
-                .suggest("feed slower, give the axes the same position loop, or feed their velocity forward"),
         );
     }
 }

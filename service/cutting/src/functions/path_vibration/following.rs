@@ -51,6 +51,49 @@ impl FollowingReport {
     }
 }
 
+/// What share of a vibration arrives at the tool for certain, at most all of it.
+#[derive(Clone, Debug)]
+pub(super) struct Arriving {
+    model: FollowingModel,
+    axes: Vec<Axis>,
+    frequency_hz: f64,
+    /// At that frequency.
+    share: f64,
+}
+
+impl Arriving {
+    /// The least share at a frequency: that of the section at its own, at another one that of any direction of the path.
+    pub(super) fn share(&self, frequency_hz: f64) -> f64 {
+        if frequency_hz == self.frequency_hz {
+            return self.share;
+        }
+        let responses: Vec<Response> =
+            self.axes.iter().map(|axis| self.model.of(*axis).response(frequency_hz)).collect();
+        least_mean(&responses).min(1.0)
+    }
+}
+
+/// The least magnitude of a mean of responses, whatever their weights: how far 0 is from all that is between them.
+fn least_mean(responses: &[Response]) -> f64 {
+    let dot = |a: Response, b: Response| a.re * b.re + a.im * b.im;
+    let mut nearest = Response { re: 1.0, im: 0.0 };
+    let mut least = f64::INFINITY;
+    for (index, first) in responses.iter().enumerate() {
+        for second in &responses[index..] {
+            let across = second.minus(*first);
+            let square = dot(across, across);
+            let share = if square > 0.0 { (-dot(*first, across) / square).clamp(0.0, 1.0) } else { 0.0 };
+            let between = first.plus(across.scaled(share));
+            if between.magnitude() < least {
+                (nearest, least) = (between, between.magnitude());
+            }
+        }
+    }
+    // Where some are on its other side, 0 is among them.
+    let is_outside = responses.iter().all(|own| dot(*own, nearest) >= least * least * (1.0 - 1e-9));
+    if is_outside { least } else { 0.0 }
+}
+
 /// Gathers it over the elements of a section.
 #[derive(Clone, Debug)]
 pub(super) struct FollowingLoss {
@@ -126,7 +169,16 @@ impl FollowingLoss {
         contour.together_mm = contour.together_mm.max(feed_mm + vibration_mm);
     }
 
-    pub(super) fn into_report(self) -> FollowingReport {
+    /// What arrives, and what would of another vibration.
+    pub(super) fn into_parts(self) -> (FollowingReport, Arriving) {
+        let (model, VibrationCondition { frequency_hz, amplitude_mm }) = (self.model.clone(), self.condition);
+        let report = self.into_report();
+        let share = (report.arriving_amplitude_mm / amplitude_mm).min(1.0);
+        let axes = report.axes.iter().map(|own| own.axis).collect();
+        (report, Arriving { model, axes, frequency_hz, share })
+    }
+
+    fn into_report(self) -> FollowingReport {
         let VibrationCondition { frequency_hz, amplitude_mm } = self.condition;
         let moving = || Axis::ALL.into_iter().filter(|axis| self.tangents[axis.index()] > MOVES);
         let axes: Vec<AxisFollowing> = moving().map(|axis| self.model.axis(axis, frequency_hz)).collect();

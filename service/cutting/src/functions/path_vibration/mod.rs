@@ -14,6 +14,7 @@ mod envelope;
 mod expand;
 mod findings;
 mod following;
+mod following_findings;
 mod loads;
 mod report;
 mod robustness;

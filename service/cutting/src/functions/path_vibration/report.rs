@@ -131,6 +131,13 @@ impl SectionReport {
         self.chip_spans.iter().map(of).fold(1.0, f64::min)
     }
 
+    /// Share of the amplitude that the drives bring to the tool where least of it arrives, at most 1.
+    #[must_use]
+    pub fn followed_share(&self) -> f64 {
+        let share = self.following.arriving_amplitude_mm / self.condition.amplitude_mm;
+        if share.is_finite() { share.min(1.0) } else { 1.0 }
+    }
+
     /// Whether the whole amplitude would break the chip, and the blends let through too little for it to break anywhere for certain.
     #[must_use]
     pub fn is_kept_whole_by_blends(&self) -> bool {

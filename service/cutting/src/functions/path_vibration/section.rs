@@ -288,11 +288,24 @@ impl SectionAnalyzer {
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
         let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
         let reach_mm = amplitude_mm * self.settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
-        let ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted, blend, trial: cuts } =
-            self.chips.finish(self.length_mm);
+        let ChipVerdict {
+            broken_share,
+            worst,
+            spans,
+            spans_not_listed,
+            surface_speed,
+            permitted,
+            blend,
+            trial: mut cuts,
+        } = self.chips.finish(self.length_mm);
         let following_is_stated = self.following.is_some();
-        let following =
-            self.following.map_or_else(|| FollowingReport::of_all(amplitude_mm), FollowingLoss::into_report);
+        let following = match self.following.map(FollowingLoss::into_parts) {
+            Some((report, arriving)) => {
+                cuts.arrive(arriving);
+                report
+            }
+            None => FollowingReport::of_all(amplitude_mm),
+        };
         let curvature = self.sharpest.map_or(0.0, |(curvature, _)| curvature);
         let corner = self.parts.corner.map_or(0.0, |(change, _)| change);
         let published = self.settings.envelope == VibrationEnvelope::Published;

@@ -12,6 +12,7 @@ use feedwave_motion::Quantity;
 use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, reaches_through};
 use super::chip_blend::{LongestPart, reached_share, whole_from_mm};
 use super::chip_course::{Following, Piece};
+use super::following::Arriving;
 use super::loads::AxisLoads;
 use super::{GenerationMode, VibrationCondition, VibrationSettings};
 use crate::functions::sampling::Sampling;
@@ -231,6 +232,8 @@ pub(super) struct TrialCuts {
     top_override: f64,
     /// `None` as published.
     longest_part: Option<LongestPart>,
+    /// What the drives let through; `None` where nothing is stated of them.
+    arriving: Option<Arriving>,
 }
 
 /// Cuts at one spindle speed and override: the fastest.
@@ -273,6 +276,16 @@ impl TrialCuts {
     /// The longest part of the section between two places without vibration.
     pub(super) fn is_divided(&mut self, longest_part: Option<LongestPart>) {
         self.longest_part = longest_part;
+    }
+
+    /// Not all of the amplitude arrives at the tool.
+    pub(super) fn arrive(&mut self, arriving: Arriving) {
+        self.arriving = Some(arriving);
+    }
+
+    /// Share of the amplitude that the drives let through at a frequency.
+    pub(super) fn arriving_share(&self, frequency_hz: f64) -> f64 {
+        self.arriving.as_ref().map_or(1.0, |arriving| arriving.share(frequency_hz))
     }
 
     /// Share of the amplitude that the blends let through to the chip.
@@ -338,23 +351,24 @@ impl TrialCuts {
         ratios.fold([1.0; 2], |[least, largest], ratio| [ratio.min(least), ratio.max(largest)])
     }
 
-    /// The cut that would be furthest from breaking; `None` where nothing is cut, or it is not known.
+    /// The cut that would be furthest from breaking with what arrives; `None` where nothing is cut, or it is not known.
     fn worst(&self, tried: Tried, settings: &VibrationSettings) -> Option<TriedCut> {
         if self.is_incomplete || (tried.spindle_rev_per_min.is_some() && !self.surface.is_empty()) {
             return None;
         }
         let VibrationCondition { frequency_hz, amplitude_mm } = tried.condition;
         let following = Following::of(tried.condition, settings);
+        let arriving = self.arriving_share(frequency_hz);
         let constant = self.constant.iter().map(|cut| {
             let with = cut.tried(tried, following);
-            let margin = with.breaking_margin() * self.reached_share(tried, settings, &with);
+            let margin = arriving * with.breaking_margin() * self.reached_share(tried, settings, &with);
             TriedCut { margin, line: cut.line, feed_override: cut.feed_override }
         });
         let surface = self.surface.iter().filter_map(|&(span, feed_override)| {
             let with = Piece::Surface(LinearSpan { frequency_hz, amplitude_mm, ..span }).at(feed_override, following);
             let Piece::Surface(span) = with else { return None };
             span.worst_cut().map(|(margin, cut)| {
-                let margin = margin * self.reached_share(tried, settings, &cut);
+                let margin = arriving * margin * self.reached_share(tried, settings, &cut);
                 TriedCut { margin, line: span.line, feed_override }
             })
         });

@@ -361,15 +361,17 @@ fn losses_between_setpoint_and_tool_are_predicted() {
     let filtered = common(DriveModel { filter_length_s: Some(0.02), ..DriveModel::default() });
     let (report, findings) = Run { following: filtered, ..Run::example(175.0 / 3.0, 0.03) }.finish();
     assert_eq!(codes(&findings), ["VIB-FOLLOWING-LOSS"]);
+    assert_eq!(findings[0].severity, Severity::Warning);
     assert!(findings[0].message.contains("too little to break"), "{}", findings[0].message);
     assert!(report.following.arriving_amplitude_mm < 0.005);
     let loop_only = DriveModel { position_loop_gain_per_s: Some(300.0), ..DriveModel::default() };
     let (report, findings) = Run { following: common(loop_only), ..Run::example(125.0 / 3.0, 0.03) }.finish();
     assert_eq!(codes(&findings), ["VIB-FOLLOWING-LOSS"]);
-    assert!(!findings[0].message.contains("too little"));
-    let command_mm = suggested(&findings[0], "amplitude")[0];
-    let arriving_mm = loop_only.gain(125.0 / 3.0) * command_mm;
-    assert!((0.03..0.0301).contains(&arriving_mm));
+    // What arrives breaks the chip, so there is nothing to cure, and no amplitude would end it.
+    assert_eq!(findings[0].severity, Severity::Info);
+    assert_eq!(suggested(&findings[0], "amplitude"), []);
+    // At a lower frequency enough of it arrives.
+    assert!(suggested(&findings[0], "frequency").iter().all(|passing_hz| loop_only.gain(*passing_hz) > 0.9));
     let following = report.following;
     assert_eq!(following.arriving_amplitude_mm, 0.03 * loop_only.gain(125.0 / 3.0));
     assert_eq!(following.phase_lag_rad, loop_only.loop_lag_rad(125.0 / 3.0));
