@@ -12,6 +12,7 @@ mod server;
 mod setup;
 mod syntax;
 mod transport;
+mod uris;
 
 use std::process::ExitCode;
 

@@ -126,6 +126,18 @@ fn codes(shown: &[Value]) -> Vec<&str> {
     shown.iter().filter_map(|diagnostic| diagnostic["code"].as_str()).collect()
 }
 
+#[test]
+fn a_document_whose_uri_has_a_bare_per_cent_sign_is_judged_under_its_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut session = Session::initialized(directory.path(), &json!({}));
+    let uri = format!("{}/100% done.nc", uri(directory.path()));
+    session.open(&uri, "G0 X20 Z5\nG9999\nM30\n");
+    assert!(!session.shown(&uri, 1).is_empty());
+    let hover = session.ask("textDocument/hover", &at(&uri, 0, 1));
+    assert!(hover["result"].is_object(), "{hover}");
+    session.end();
+}
+
 /// Every message of a session in its order, as the file has it. What a server answers is written anew with
 /// `FEEDWAVE_WRITE_DOCS=1`, and is to be read then.
 #[test]

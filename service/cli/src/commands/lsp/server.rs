@@ -26,6 +26,7 @@ use super::places::{self, Files};
 use super::setup::{EditorSettings, Setup};
 use super::syntax;
 use super::transport::{self, Received};
+use super::uris::Uris;
 use crate::commands::{CliError, EXIT_REFUSED};
 
 /// Longest document that is judged, bytes.
@@ -78,6 +79,7 @@ struct Server<W> {
     phase: Phase,
     settings: EditorSettings,
     documents: HashMap<String, Open>,
+    uris: Uris,
     /// Withdraws a question.
     waiting: HashMap<RequestId, Arc<AtomicBool>>,
     tasks: Sender<Task>,
@@ -103,6 +105,7 @@ pub(super) fn run() -> Result<ExitCode, CliError> {
         phase: Phase::New,
         settings: EditorSettings::default(),
         documents: HashMap::new(),
+        uris: Uris::default(),
         waiting: HashMap::new(),
         tasks,
         questions,
@@ -190,8 +193,9 @@ impl<W: Write> Server<W> {
             match event {
                 Event::Received(Err(error)) => return Err(broken(&error)),
                 Event::Received(Ok(Received::Ended)) => return Ok(self.exit_code()),
-                Event::Received(Ok(Received::Malformed(answer))) => self.send(&answer)?,
-                Event::Received(Ok(Received::Message(Message::Notification(told)))) => {
+                Event::Received(Ok(Received::Malformed(answer))) => self.send(answer)?,
+                Event::Received(Ok(Received::Message(Message::Notification(mut told)))) => {
+                    self.uris.take_in(&mut told.params, told.method == "textDocument/didOpen");
                     if told.method == "exit" {
                         return Ok(self.exit_code());
                     }
@@ -199,7 +203,10 @@ impl<W: Write> Server<W> {
                         self.told(told)?;
                     }
                 }
-                Event::Received(Ok(Received::Message(Message::Request(request)))) => self.asked(request)?,
+                Event::Received(Ok(Received::Message(Message::Request(mut request)))) => {
+                    self.uris.take_in(&mut request.params, false);
+                    self.asked(request)?;
+                }
                 // Answers to registrations and refreshes say nothing that matters.
                 Event::Received(Ok(Received::Message(Message::Response(_)))) => {}
                 Event::Judged(uri, judged, shown) => self.judged(&uri, judged, shown)?,
@@ -215,14 +222,15 @@ impl<W: Write> Server<W> {
         if self.phase == Phase::ShutDown { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) }
     }
 
-    fn send(&mut self, message: &Value) -> Result<(), CliError> {
-        transport::send(&mut self.output, message).map_err(|error| CliError::written("standard output", &error))
+    fn send(&mut self, mut message: Value) -> Result<(), CliError> {
+        self.uris.give_out(&mut message);
+        transport::send(&mut self.output, &message).map_err(|error| CliError::written("standard output", &error))
     }
 
     fn respond(&mut self, response: Response) -> Result<(), CliError> {
         let mut message = serde_json::to_value(response).map_err(CliError::trouble)?;
         message["jsonrpc"] = "2.0".into();
-        self.send(&message)
+        self.send(message)
     }
 
     fn refuse(&mut self, id: &RequestId, code: ErrorCode, message: &str) -> Result<(), CliError> {
@@ -233,7 +241,7 @@ impl<W: Write> Server<W> {
     fn ask(&mut self, method: &str, params: &Value) -> Result<(), CliError> {
         self.next_id += 1;
         let id = format!("feedwave-{}", self.next_id);
-        self.send(&json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": params }))
+        self.send(json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": params }))
     }
 
     fn asked(&mut self, request: Request) -> Result<(), CliError> {
@@ -318,7 +326,10 @@ impl<W: Write> Server<W> {
                 if let Some(open) = self.documents.remove(uri.as_str()) {
                     open.superseded.store(true, Ordering::Relaxed);
                 }
-                self.publish(uri, None, Vec::new())
+                let name = uri.as_str().to_owned();
+                self.publish(uri, None, Vec::new())?;
+                self.uris.forget(&name);
+                Ok(())
             }
             // What other files say may have changed.
             "textDocument/didSave" => {
@@ -461,7 +472,7 @@ impl<W: Write> Server<W> {
     ) -> Result<(), CliError> {
         let params = PublishDiagnosticsParams { uri, diagnostics, version };
         let method = "textDocument/publishDiagnostics";
-        self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": params }))
+        self.send(json!({ "jsonrpc": "2.0", "method": method, "params": params }))
     }
 }
 
