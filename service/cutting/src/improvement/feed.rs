@@ -102,7 +102,9 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         };
         let headroom = self.headroom(&own, most);
         let mut reason = if headroom < most {
-            "no vibration within the limits of the axes and of the profile breaks a thicker chip".to_owned()
+            "no vibration within nine tenths of the axes' acceleration and jerk (the rest is kept for the feed) and the limits of the \
+             profile breaks a thicker chip"
+                .to_owned()
         } else {
             String::new()
         };

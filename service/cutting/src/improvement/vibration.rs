@@ -239,8 +239,9 @@ fn plan<S: Surroundings>(
     let words = block.and_then(Words::of);
     let no_words = "its F and A are not both written as numbers in one block, so no word is changed";
     let Some(found) = search.solve() else {
-        let reason = "no vibration within the range of frequencies, the limits of the axes and of the profile breaks every chip so \
-                      surely: a smaller feed, a smaller margin or tolerance, or another spindle speed would";
+        let reason = "no vibration within the range of frequencies, nine tenths of the axes' acceleration and jerk (the rest is kept \
+                      for the feed) and the limits of the profile breaks every chip so surely: a smaller feed, a smaller margin \
+                      or tolerance, or another spindle speed would";
         if suffices {
             return Ok(section(margin, Outcome::Holds));
         }
