@@ -118,6 +118,8 @@ struct Judged {
     last_line: u32,
     /// As programmed.
     amplitude_mm: f64,
+    /// What keeps a part of it from the chip.
+    lost_to: &'static str,
     /// Its worst cut; `None` where nothing of it can be judged so.
     cut: Option<(CutCondition, ChipRobustness)>,
     /// Why it is not judged, or not as a whole.
@@ -163,11 +165,11 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
 }
 
 fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>)]>) -> Judged {
-    let reached = section.reached_share(1.0);
+    let arriving = section.reached_share(1.0) * section.followed_share();
     let coupling = section.chip.as_ref().map_or(FeedCoupling::PerRevolution, |chip| chip.condition.feed_coupling);
     let cuts = section.chip_spans.iter().map(|span| CutCondition {
         feed_per_rev_mm: span.feed_per_rev_mm,
-        amplitude_mm: section.condition.amplitude_mm * reached,
+        amplitude_mm: section.condition.amplitude_mm * arriving,
         frequency_hz: section.condition.frequency_hz,
         spindle_rev_per_min: span.spindle_rev_per_min,
         diameter_mm: 0.0,
@@ -201,6 +203,11 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
         first_line: section.first_line,
         last_line: section.last_line,
         amplitude_mm: section.condition.amplitude_mm,
+        lost_to: match (section.reached_share(1.0) < 1.0, section.followed_share() < 1.0) {
+            (true, true) => "its blends and the drives",
+            (false, true) => "the drives",
+            _ => "its blends",
+        },
         cut: worst,
         gap,
         beyond_lobes: stability == Some(None),
@@ -223,7 +230,7 @@ fn text(judged: &[Judged], not_listed: u64, args: &Args) -> String {
         let _ = writeln!(text, "\nlines {} to {}", section.first_line, section.last_line);
         if let Some((cut, chip)) = &section.cut {
             let blended = if cut.amplitude_mm < section.amplitude_mm {
-                format!(" of {} mm, which its blends let through", number(section.amplitude_mm, 4))
+                format!(" of {} mm, which {} let through", number(section.amplitude_mm, 4), section.lost_to)
             } else {
                 String::new()
             };

@@ -26,6 +26,21 @@ fn the_trap_is_sure_to_fail_and_its_cure_to_hold() {
 }
 
 #[test]
+fn what_the_drives_let_through_is_what_breaks() {
+    let directory = tempfile::tempdir().unwrap();
+    let profile = directory.path().join("slow.toml");
+    fs::write(&profile, "machine = { kind = \"MACHINE_KIND_LATHE\" }\nfollowing = { position_loop_gain_per_s = 30 }\n")
+        .unwrap();
+    let cured = run(&[&"robustness", &fixture("spec-trap-cured.nc"), &"--profile", &profile]);
+    // 1/√(1 + (2π·41.667/30)²) = 0.1138 arrives, so that 6 becomes 0.683.
+    assert_eq!(code(&cured), 1, "{}", stderr(&cured));
+    let text = stdout(&cured);
+    for said in ["0.003415 mm of 0.03 mm, which the drives let through", "margin 0.6831 as programmed"] {
+        assert!(text.contains(said), "{said} is not in\n{text}");
+    }
+}
+
+#[test]
 fn maps_have_the_safe_region_as_values_and_picture() {
     let directory = tempfile::tempdir().unwrap();
     let maps = directory.path().join("maps");

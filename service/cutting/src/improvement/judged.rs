@@ -11,8 +11,7 @@ pub(super) const ROUNDING: f64 = 1e-6;
 
 /// Share of the amplitude that the drives bring to the tool, where least of it arrives.
 pub(super) fn followed(sections: &[&SectionReport]) -> f64 {
-    let share = |section: &&SectionReport| section.following.arriving_amplitude_mm / section.condition.amplitude_mm;
-    sections.iter().map(share).filter(|share| share.is_finite()).fold(1.0, f64::min)
+    sections.iter().map(|section| section.followed_share()).fold(1.0, f64::min)
 }
 
 /// Share of the amplitude that arrives at the chip at the largest override, past the drives and the blends.
