@@ -407,3 +407,70 @@ fn a_resonance_is_no_warning_where_the_machine_permits_what_arrives() {
     let after = validate(&replaced(&program, finding, replacement), &config);
     assert_eq!(warnings(&after, "VIB-"), [] as [&str; 0]);
 }
+
+/// A thread of three passes with amplitudes of their own, as diameters.
+fn thread(amplitudes: [&str; 3], speed: &str) -> String {
+    let [first, second, third] = amplitudes;
+    format!(
+        "M3 S{speed}\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5{first}\nG0 X14\nG0 Z100\nG0 X8.4\nG32 Z60 F2.5{second}\n\
+         G0 X14\nG0 Z100\nG0 X8.2\nG32 Z60 F2.5{third}\nG0 X14\nG165 P0\nM30\n"
+    )
+}
+
+#[test]
+fn a_thread_that_the_drives_leave_whole_breaks_with_the_amplitudes_that_are_named() {
+    let mut config = driven(DriveModel { position_loop_gain_per_s: Some(30.0), ..DriveModel::default() });
+    for axis in &mut config.profile.machine.axes {
+        axis.max_jerk_per_s3 = 1e9;
+        axis.max_acceleration_per_s2 = 1e6;
+    }
+    let mut program = thread([" A1.2", " A0.75", " A0.3"], "300");
+    let mut steps = 0;
+    loop {
+        let report = validate(&program, &config);
+        let lost = report
+            .findings
+            .iter()
+            .find(|finding| finding.code == "THREAD-FOLLOWING-LOSS" && finding.severity == Severity::Warning);
+        let Some(finding) = lost else { break };
+        let (suggestion, word) = finding
+            .suggestions
+            .iter()
+            .find_map(|suggestion| Some((suggestion, suggestion.replacement.as_deref()?)))
+            .unwrap_or_else(|| panic!("{finding:#?}"));
+        // The word is a diameter, and what is named beside it on the radius.
+        let written: f64 = word.strip_prefix('A').expect("a word").parse().expect("a number");
+        assert!((0.5 * written - value(suggestion, "amplitude").expect("mm")).abs() < 1e-9, "{suggestion:?}");
+        assert!(suggestion.message.contains(&format!("({word})")), "{suggestion:?}");
+        program = replaced(&program, finding, word);
+        steps += 1;
+        assert!(steps <= 3, "one for each pass is enough: {finding:#?}");
+    }
+    assert!(steps > 0);
+    // By the ratio for all passes, and by a slower spindle, at once.
+    let by_ratio = thread(["", "", " A0.0"], "300");
+    let finding = the_finding(&validate(&by_ratio, &config), "THREAD-FOLLOWING-LOSS").clone();
+    let cure = |name: &str| finding.suggestions.iter().find_map(|suggestion| value(suggestion, name));
+    let ratio = cure("ratio").unwrap_or_else(|| panic!("{finding:#?}"));
+    let speed = cure("spindle_speed").unwrap_or_else(|| panic!("{finding:#?}"));
+    for changed in [by_ratio.replace("Q1.2", &format!("Q{ratio}")), by_ratio.replace("S300", &format!("S{speed}"))] {
+        let after = validate(&changed, &config);
+        assert_eq!(warnings(&after, "THREAD-FOLLOWING"), [] as [&str; 0], "{changed}");
+    }
+}
+
+#[test]
+fn a_thread_that_is_cut_too_deep_is_not_so_at_the_speed_that_is_named() {
+    let resonant = DriveModel {
+        position_loop_gain_per_s: Some(100.0),
+        velocity_loop_frequency_hz: Some(10.0),
+        ..DriveModel::default()
+    };
+    let config = driven(resonant);
+    let program = thread([" A0.4", " A0.3", " A0.0"], "300").replace("X9\n", "X9.7\n");
+    let finding = the_finding(&validate(&program, &config), "THREAD-FOLLOWING-DEEP").clone();
+    let speed = finding.suggestions.iter().find_map(|suggestion| value(suggestion, "spindle_speed"));
+    let speed = speed.unwrap_or_else(|| panic!("{finding:#?}"));
+    let after = validate(&program.replace("S300", &format!("S{speed}")), &config);
+    assert_eq!(warnings(&after, "THREAD-FOLLOWING"), [] as [&str; 0]);
+}

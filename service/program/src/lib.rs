@@ -50,8 +50,8 @@ pub use machine_code::{
 pub use number::Number;
 pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
-    OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadKind,
-    ThreadMove, ThreadPlane,
+    OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadAmplitudeWord,
+    ThreadKind, ThreadMove, ThreadPlane,
 };
 pub use outline::{Outline, Stretch, StretchKind, Target, Vocabulary, WordRole, is_file_of_program};
 pub use parameters::InitialParameters;

@@ -129,6 +129,8 @@ pub struct ThreadMove {
     pub thread_start: u32,
     /// Peak-to-peak vibration across the lead (`A`), on the radius or along Z, mm, where the pass has its own.
     pub amplitude_mm: Option<f64>,
+    /// The `A` word of the pass, where it can have one: the passes of a cycle cannot.
+    pub amplitude_word: Option<ThreadAmplitudeWord>,
     /// Phase shift of the vibration (`R`), degrees, where the pass has its own.
     pub phase_shift_deg: Option<f64>,
     /// How the tool leaves the thread before its end.
@@ -141,6 +143,15 @@ pub struct ThreadMove {
     pub tool: u32,
     /// The tilted plane whose coordinates start and end are in, instead of work coordinates: X and Z are the plane's.
     pub plane: Option<Box<ThreadPlane>>,
+}
+
+/// How the amplitude of a threading pass is written.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadAmplitudeWord {
+    /// Its place, where it is written.
+    pub span: Option<SourceSpan>,
+    /// Amplitude that `A1.0` says, mm: half a millimetre on the radius where words of X are diameters.
+    pub mm_per_unit: f64,
 }
 
 /// The tilted plane of a thread or a tap.

@@ -19,8 +19,8 @@ use crate::consequence::JUDGED_BY;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
 use crate::{
-    Axis, DecimalPointRule, DialectName, Finding, Function, MoveKind, OperationKind, Position, PullOut, ThreadEWord,
-    ThreadKind, ThreadMove,
+    Axis, DecimalPointRule, DialectName, Finding, Function, MoveKind, OperationKind, Position, PullOut,
+    ThreadAmplitudeWord, ThreadEWord, ThreadKind, ThreadMove,
 };
 
 /// Leads of threads, mm: what common controls take.
@@ -35,6 +35,7 @@ struct Cut {
     lead_mm: f64,
     start_angle_deg: f64,
     amplitude_mm: Option<f64>,
+    amplitude_word: Option<ThreadAmplitudeWord>,
     phase_shift_deg: Option<f64>,
     pull_out: Option<PullOut>,
     included_angle_deg: Option<f64>,
@@ -96,6 +97,7 @@ impl Execution<'_> {
         };
         let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
         let phase_shift_deg = self.thread_angle(b'R', "phase shift");
+        let amplitude_span = self.block.word(b'A').map(|word| self.block.word_span(word));
         let amplitude_mm = self.thread_amplitude();
         let only_x_and_z = self.are_thread_axes(axes);
         let turns = self.spindle_cuts_threads();
@@ -115,8 +117,12 @@ impl Execution<'_> {
                 if path_lead.is_some() { further / (along_x * along_x + along_z * along_z).sqrt() } else { 1.0 };
             let lead_mm = lead_mm * share;
             // It is across the lead: of X, whose words are diameters, unless that has the lead.
-            let amplitude_mm = amplitude_mm.map(|[of_x, of_z]| if along_z > along_x { of_x } else { of_z });
-            let cut = Cut { lead_mm, start_angle_deg, amplitude_mm, phase_shift_deg, ..Cut::default() };
+            let is_of_x = along_z > along_x;
+            let amplitude_mm = amplitude_mm.map(|[of_x, of_z]| if is_of_x { of_x } else { of_z });
+            let unit_mm = if self.state.inch { MM_PER_INCH } else { 1.0 };
+            let mm_per_unit = if is_of_x && self.state.x_diameter { 0.5 * unit_mm } else { unit_mm };
+            let amplitude_word = Some(ThreadAmplitudeWord { span: amplitude_span, mm_per_unit });
+            let cut = Cut { lead_mm, start_angle_deg, amplitude_mm, amplitude_word, phase_shift_deg, ..Cut::default() };
             self.cut_thread(end, cut);
         }
         self.state.position = end;
@@ -328,6 +334,7 @@ impl Execution<'_> {
             start_angle_deg: cut.start_angle_deg,
             thread_start: 0,
             amplitude_mm: cut.amplitude_mm,
+            amplitude_word: cut.amplitude_word,
             phase_shift_deg: cut.phase_shift_deg,
             pull_out: cut.pull_out,
             included_angle_deg: cut.included_angle_deg,

@@ -236,6 +236,7 @@ fn pass_from_proto(pass: &proto::ThreadPass) -> ThreadPass {
         start_travel_mm: pass.start_travel_mm,
         start_angle_deg: pass.start_angle_deg,
         amplitude_mm: pass.amplitude_mm,
+        amplitude_word: None,
         phase_shift_deg: pass.phase_shift_deg,
         span: SourceSpan { line: pass.line, ..SourceSpan::default() },
     }
@@ -331,6 +332,7 @@ mod tests {
             start_travel_mm: 0.25,
             start_angle_deg,
             amplitude_mm,
+            amplitude_word: None,
             phase_shift_deg,
             span: SourceSpan { line, ..SourceSpan::default() },
         };

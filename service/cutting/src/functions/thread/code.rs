@@ -306,11 +306,14 @@ feedwave_program::finding_codes! {
         example: lathe("M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG0 Z100\nG0 X7.9\nG32 Z60 F2.5 A0\nG0 X14\nG165 P0\nM30"),
     }
 
-    "THREAD-FOLLOWING-LOSS" [THREAD_FOLLOWING_LOSS: Warning] {
-        meaning: "too little of the vibration of a pass arrives at the tool",
+    "THREAD-FOLLOWING-LOSS" [THREAD_FOLLOWING_LOSS: Warning, THREAD_FOLLOWING_LOSS_NOTED: Info] {
+        meaning: "less of the vibration of a pass arrives at the tool than is commanded: a warning where that is too little to break \
+              the chip",
         cause: "The drive of the vibrating axis, as the profile's `following` states it, passes less than nine tenths of the \
-              amplitude, or too little to break the chip; the tool then stays above the depth, too.",
-        cure: "Command amplitude, depth and phase shift that the finding names, or turn slower.",
+              amplitude, or too little to break the chip; the tool then stays above the depth, too. The share is the same of every \
+              amplitude.",
+        cure: "Use the ratio, amplitude or spindle speed that the finding names: what arrives then breaks the chip. Where it does \
+              already, nothing has to be changed.",
         example: on("lathe, following.position_loop_gain_per_s = 60", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
     }
 
@@ -318,7 +321,8 @@ feedwave_program::finding_codes! {
         meaning: "the drives make the vibration of a pass larger, so that it cuts too deep",
         cause: "The drive of the vibrating axis, as the profile's `following` states it, resonates near the frequency of the \
               vibration: the retreat is larger than commanded, and swings beyond the depth as well.",
-        cure: "Command amplitude, depth and phase shift that the finding names, or choose another spindle speed.",
+        cure: "Turn at the spindle speed that the finding names. No amplitude ends it, since the share that arrives is the same of \
+              every one; the finding says which amplitude, depth and phase shift make the thread that is programmed.",
         example: on("lathe, following.position_loop_gain_per_s = 100, following.velocity_loop_frequency_hz = 10", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
     }
 

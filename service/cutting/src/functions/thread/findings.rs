@@ -193,13 +193,13 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
             lead_axis.across().letter(),
             decimal(limit, 1)
         );
-        let finding = Finding::new(load.code(&AXIS_CODES), pass.span, message).at("pass", number(index));
+        let finding = Finding::new(load.code(&AXIS_CODES), pass.amplitude_span(), message).at("pass", number(index));
         let finding = load.with_numbers(finding, "");
         let order = load.order();
         let permitted_mm = round_down(pass.amplitude_mm * share(demanded, limit, taper, order), 4);
         let finding = if permitted_mm > 0.0 {
-            let cure = format!("the axis can follow {} mm {across}", decimal(permitted_mm, 4));
-            finding.suggest_value(cure, None, "amplitude", permitted_mm, "mm")
+            let cure = format!("the axis can follow {}", pass.amplitude_text(permitted_mm, across));
+            finding.suggest_value(cure, pass.amplitude_replacement(permitted_mm), "amplitude", permitted_mm, "mm")
         } else {
             finding
         };
@@ -233,7 +233,7 @@ fn step(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
         decimal(limit, 0)
     );
     let share = limit / jerk;
-    let mut finding = Finding::new(code::THREAD_VIBRATION_STEP, pass.span, message)
+    let mut finding = Finding::new(code::THREAD_VIBRATION_STEP, pass.amplitude_span(), message)
         .at("pass", number(index))
         .ranked("", jerk / limit)
         .with_value("step", step, "mm/s²")
@@ -242,8 +242,9 @@ fn step(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
     let permitted_mm = round_down(pass.amplitude_mm * share, 4);
     if permitted_mm > 0.0 {
         let across = job.geometry.lead_axis.across_words();
-        let cure = format!("within the limit are {} mm {across}", decimal(permitted_mm, 4));
-        finding = finding.suggest_value(cure, None, "amplitude", permitted_mm, "mm");
+        let cure = format!("within the limit are {}", pass.amplitude_text(permitted_mm, across));
+        let word = pass.amplitude_replacement(permitted_mm);
+        finding = finding.suggest_value(cure, word, "amplitude", permitted_mm, "mm");
     }
     let speed = round_down(job.spindle_rev_per_min * libm::sqrt(share), 1);
     let cure = format!("turn at {} rev/min at most", decimal(speed, 1));
@@ -314,8 +315,8 @@ fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findi
     if crests.crest_with_least_amplitude_mm < crests.crest_mm - SAME_LENGTH_MM && crests.least_amplitude_mm > 0.0 {
         let amplitude_mm = round_up(crests.least_amplitude_mm + 1e-6, 4);
         let cure = format!(
-            "vibrate with {} mm {across} in the last vibrating pass: crests of {} mm remain",
-            decimal(amplitude_mm, 4),
+            "vibrate with {} in the last vibrating pass: crests of {} mm remain",
+            job.passes[crests.pass].amplitude_text(amplitude_mm, across),
             decimal(crests.crest_with_least_amplitude_mm, 3)
         );
         finding = finding.suggest_value(cure, None, "amplitude", amplitude_mm, "mm");

@@ -4,10 +4,10 @@
 //! (A/2)·(1 − g) + (g·A/2)·(1 − cos(ψ − φ)): a thread of amplitude g·A, phase shift Δ + φ, and less deep by (A/2)·(1 − g), or
 //! deeper where the drives resonate. So A/g, Δ − φ and a depth larger by (A/g − A)/2 make the thread that is programmed.
 
-use feedwave_program::{Finding, FindingLog};
+use feedwave_program::{Finding, FindingCode, FindingLog};
 
 use super::chip::chip;
-use super::{ChipLevel, ThreadJob, ThreadPass, ThreadReport, code, reduce_deg};
+use super::{ChipLevel, ThreadJob, ThreadLimits, ThreadPass, ThreadReport, code, following_cures, reduce_deg};
 use crate::shared::following::DriveModel;
 use crate::shared::wording::{decimal, round_up};
 
@@ -106,67 +106,110 @@ impl ThreadFollowing {
     }
 }
 
+/// Whether a pass goes beyond its depth.
+pub(super) fn is_too_deep(arriving: &PassFollowing) -> bool {
+    arriving.above_depth_mm < -TOO_DEEP_MM
+}
+
 /// Passes that lose their vibration, their broken chip or their depth to the drives.
-pub(super) fn findings(job: &ThreadJob, report: &ThreadReport, findings: &mut FindingLog) {
+pub(super) fn findings(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, findings: &mut FindingLog) {
     let Some(following) = &report.following else { return };
-    let across = job.geometry.lead_axis.across_words();
     let passes = job.passes.iter().zip(&report.passes).zip(&following.passes).enumerate();
+    // Of the thread as a whole, and looked for once.
+    let (mut ratio, mut speed) = (None, None);
     for (index, ((pass, own), arriving)) in passes.filter(|(_, ((pass, _), _))| pass.vibrates()) {
-        let number = index as u64 + 1;
-        let no_longer_breaks = own.depth.broken && !arriving.depth_broken;
-        if following.gain < ARRIVING_SHARE || no_longer_breaks {
-            findings.push(loss(job, index, arriving, no_longer_breaks));
+        if own.depth.broken && !arriving.depth_broken {
+            let amplitude_mm = following_cures::amplitude_mm(job, index, limits);
+            let ratio = *ratio.get_or_insert_with(|| following_cures::ratio(job, limits));
+            let speed = *speed.get_or_insert_with(|| following_cures::spindle_speed(job, limits));
+            let finding = lost(job, index, arriving, code::THREAD_FOLLOWING_LOSS, ", too little to break the chip");
+            findings.push(suggest(finding.ranked("", 1.0 + pass.amplitude_mm), job, index, amplitude_mm, ratio, speed));
+        } else if following.gain < ARRIVING_SHARE {
+            let enough = if arriving.depth_broken { ", enough to break the chip" } else { "" };
+            let finding = lost(job, index, arriving, code::THREAD_FOLLOWING_LOSS_NOTED, enough);
+            findings.push(compensation(finding.ranked("", pass.amplitude_mm), job, pass, arriving));
         }
-        if arriving.above_depth_mm < -TOO_DEEP_MM {
-            let deeper_mm = -arriving.above_depth_mm;
-            let message = format!(
-                "the drives make {} mm of the amplitude of {} mm {across} in pass {number}: it cuts {} mm too deep",
-                decimal(arriving.arriving_amplitude_mm, 4),
-                decimal(pass.amplitude_mm, 4),
-                decimal(deeper_mm, 4)
-            );
-            findings.push(command(
-                Finding::new(code::THREAD_FOLLOWING_DEEP, pass.span, message)
-                    .at("pass", number)
-                    .ranked("", deeper_mm)
-                    .with_value("arriving_amplitude", arriving.arriving_amplitude_mm, "mm")
-                    .with_value("too_deep", deeper_mm, "mm"),
-                arriving,
-                across,
-            ));
+        if is_too_deep(arriving) {
+            let speed = *speed.get_or_insert_with(|| following_cures::spindle_speed(job, limits));
+            let finding = suggest(too_deep(job, index, arriving), job, index, None, None, speed);
+            findings.push(compensation(finding, job, pass, arriving));
         }
     }
 }
 
-fn loss(job: &ThreadJob, index: usize, arriving: &PassFollowing, no_longer_breaks: bool) -> Finding {
-    let (pass, number, across) = (&job.passes[index], index as u64 + 1, job.geometry.lead_axis.across_words());
-    let consequence = if no_longer_breaks { ", too little to break the chip" } else { "" };
+fn too_deep(job: &ThreadJob, index: usize, arriving: &PassFollowing) -> Finding {
+    let (pass, number, deeper_mm) = (&job.passes[index], index as u64 + 1, -arriving.above_depth_mm);
     let message = format!(
-        "of {} mm amplitude {across} only {} mm arrive in pass {number}, {} mm above its depth{consequence}",
+        "the drives make {} mm of the amplitude of {} mm {} in pass {number}: it cuts {} mm too deep",
+        decimal(arriving.arriving_amplitude_mm, 4),
         decimal(pass.amplitude_mm, 4),
+        job.geometry.lead_axis.across_words(),
+        decimal(deeper_mm, 4)
+    );
+    Finding::new(code::THREAD_FOLLOWING_DEEP, pass.span, message)
+        .at("pass", number)
+        .ranked("", deeper_mm)
+        .with_value("arriving_amplitude", arriving.arriving_amplitude_mm, "mm")
+        .with_value("too_deep", deeper_mm, "mm")
+}
+
+fn lost(job: &ThreadJob, index: usize, arriving: &PassFollowing, code: FindingCode, consequence: &str) -> Finding {
+    let (pass, number) = (&job.passes[index], index as u64 + 1);
+    let message = format!(
+        "of {} mm amplitude {} only {} mm arrive in pass {number}, {} mm above its depth{consequence}",
+        decimal(pass.amplitude_mm, 4),
+        job.geometry.lead_axis.across_words(),
         decimal(arriving.arriving_amplitude_mm, 4),
         decimal(arriving.above_depth_mm, 4)
     );
-    let finding = Finding::new(code::THREAD_FOLLOWING_LOSS, pass.span, message)
+    Finding::new(code, pass.amplitude_span(), message)
         .at("pass", number)
-        .ranked("", f64::from(u8::from(no_longer_breaks)) + pass.amplitude_mm - arriving.arriving_amplitude_mm)
         .with_value("arriving_amplitude", arriving.arriving_amplitude_mm, "mm")
-        .with_value("above_depth", arriving.above_depth_mm, "mm");
-    command(finding, arriving, across)
+        .with_value("above_depth", arriving.above_depth_mm, "mm")
 }
 
-/// The cure: what to command instead.
-fn command(finding: Finding, arriving: &PassFollowing, across: &str) -> Finding {
+/// The changes that were judged to end a finding.
+fn suggest(
+    mut finding: Finding,
+    job: &ThreadJob,
+    index: usize,
+    amplitude_mm: Option<f64>,
+    ratio: Option<f64>,
+    speed: Option<f64>,
+) -> Finding {
+    let pass = &job.passes[index];
+    if let Some(ratio) = ratio {
+        let cure = format!("use a ratio of {} for all passes", decimal(ratio, 2));
+        finding = finding.suggest_value(cure, None, "ratio", ratio, "");
+    }
+    if let Some(amplitude_mm) = amplitude_mm {
+        let text = pass.amplitude_text(amplitude_mm, job.geometry.lead_axis.across_words());
+        let word = pass.amplitude_replacement(amplitude_mm);
+        let cure = format!("command {text} in this pass, of which enough arrives");
+        finding = finding.suggest_value(cure, word, "amplitude", amplitude_mm, "mm");
+    }
+    if let Some(speed) = speed {
+        let cure =
+            format!("turn at {} rev/min, where what arrives breaks the chip and cuts no deeper", decimal(speed, 1));
+        finding = finding.suggest_value(cure, None, "spindle_speed", speed, "rev/min");
+    }
+    if finding.suggestions.is_empty() {
+        return finding.suggest("use fewer vibrations per revolution, or state a drive that follows them");
+    }
+    finding
+}
+
+/// What makes the thread that the program states; the program then states another one, of which the same is said.
+fn compensation(finding: Finding, job: &ThreadJob, pass: &ThreadPass, arriving: &PassFollowing) -> Finding {
     let (Some(amplitude_mm), Some(depth_mm)) = (arriving.amplitude_to_command_mm, arriving.depth_to_command_mm) else {
         return finding.suggest("turn slower, use fewer vibrations per revolution, or shorten the filter of the drive");
     };
-    let amplitude_mm = round_up(amplitude_mm, 4);
-    let cure = format!(
-        "command an amplitude of {} mm at a depth of {} mm, both {across}, with a phase shift of {} degrees, away from where the \
-         vibration starts and ends: there the axis stands still and cuts as deep as it is commanded",
-        decimal(amplitude_mm, 4),
+    let across = job.geometry.lead_axis.across_words();
+    finding.suggest(format!(
+        "nothing has to be changed where what arrives is wanted; the amplitude and depth of this pass arrive of {} at a depth of {} \
+         mm {across}, with a phase shift of {} degrees, of which the same is said again: the share that arrives stays",
+        pass.amplitude_text(round_up(amplitude_mm, 4), across),
         decimal(depth_mm, 4),
         decimal(arriving.phase_shift_to_command_deg, 3)
-    );
-    finding.suggest_value(cure, None, "amplitude", amplitude_mm, "mm")
+    ))
 }

@@ -1,11 +1,17 @@
 //! The passes of a thread, and the position of the tool as a pure function of pass and spindle angle
 //! (docs/functions/thread-vibration.md, "Amplitude" and "Phase").
 
-use feedwave_program::SourceSpan;
+use feedwave_program::{SourceSpan, ThreadAmplitudeWord};
 use serde::{Deserialize, Serialize};
 
 use super::run_up::LeadTravel;
 use super::{GrooveProfile, RetreatWave, RunUp, StartUp, ThreadGeometry};
+use crate::shared::wording::{decimal, word};
+
+/// Decimals of an amplitude word, in mm: half of its 0.1 µm on the radius is written exactly.
+const MM_PLACES: usize = 4;
+/// The same in inches: 25 pm.
+const INCH_PLACES: usize = 9;
 
 /// One threading pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -20,6 +26,8 @@ pub struct ThreadPass {
     pub start_angle_deg: f64,
     /// Peak-to-peak vibration A, mm on the radius; 0 without vibration.
     pub amplitude_mm: f64,
+    /// The word of the amplitude, where the pass is of a program and can have one.
+    pub amplitude_word: Option<ThreadAmplitudeWord>,
     /// Phase shift Δ, degrees.
     pub phase_shift_deg: f64,
     /// Place in the program.
@@ -31,6 +39,31 @@ impl ThreadPass {
     #[must_use]
     pub fn vibrates(&self) -> bool {
         self.amplitude_mm > 0.0
+    }
+
+    /// The place at which its amplitude is changed: its word, or the block.
+    pub(super) fn amplitude_span(&self) -> SourceSpan {
+        self.amplitude_word.and_then(|word| word.span).unwrap_or(self.span)
+    }
+
+    /// An amplitude, mm, as it is told: `place` says in which direction it is, and the word how it is written.
+    pub(super) fn amplitude_text(&self, amplitude_mm: f64, place: &str) -> String {
+        let mm = decimal(amplitude_mm, 4);
+        match self.amplitude_written(amplitude_mm) {
+            Some(word) => format!("{mm} mm {place} ({word})"),
+            None => format!("{mm} mm {place}"),
+        }
+    }
+
+    /// The word that replaces that at [`ThreadPass::amplitude_span`]; `None` where that is the block.
+    pub(super) fn amplitude_replacement(&self, amplitude_mm: f64) -> Option<String> {
+        self.amplitude_word?.span?;
+        self.amplitude_written(amplitude_mm)
+    }
+
+    fn amplitude_written(&self, amplitude_mm: f64) -> Option<String> {
+        let unit_mm = self.amplitude_word?.mm_per_unit;
+        Some(word('A', amplitude_mm / unit_mm, if unit_mm > 1.0 { INCH_PLACES } else { MM_PLACES }))
     }
 }
 

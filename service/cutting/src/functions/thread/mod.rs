@@ -10,6 +10,7 @@ mod driven;
 mod findings;
 mod follower;
 mod following;
+mod following_cures;
 mod geometry;
 mod infeed;
 mod job;

@@ -172,6 +172,7 @@ impl OpenThread {
             start_travel_mm,
             start_angle_deg: first.mv.start_angle_deg,
             amplitude_mm: 0.0,
+            amplitude_word: first.mv.amplitude_word,
             phase_shift_deg: 0.0,
             span: first.span,
         };
@@ -238,6 +239,7 @@ impl OpenThread {
             vibration_acceleration_mm_per_s2: across.acceleration,
             vibration_jerk_mm_per_s3: across.jerk,
             approach_mm: settings.approach_mm.unwrap_or(f64::INFINITY),
+            max_spindle_rev_per_min: inputs.machine.max_spindle_rev_per_min,
             period_s: inputs.period_s,
             thickness_mm: settings.max_thickness_mm.unwrap_or(f64::INFINITY),
             finishing_thickness_mm: settings.max_finishing_thickness_mm,

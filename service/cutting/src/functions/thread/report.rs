@@ -27,6 +27,8 @@ pub struct ThreadLimits {
     pub vibration_jerk_mm_per_s3: f64,
     /// Travel from the start position to the work, mm.
     pub approach_mm: f64,
+    /// Highest spindle speed, rev/min.
+    pub max_spindle_rev_per_min: f64,
     /// Interpolation period, s; 0 where setpoints follow the spindle angle.
     pub period_s: f64,
     /// Largest thickness on the radius that the tool withstands, mm.
@@ -49,6 +51,7 @@ impl Default for ThreadLimits {
             vibration_acceleration_mm_per_s2: unlimited,
             vibration_jerk_mm_per_s3: unlimited,
             approach_mm: unlimited,
+            max_spindle_rev_per_min: unlimited,
             period_s: 0.0,
             thickness_mm: unlimited,
             finishing_thickness_mm: None,
@@ -182,7 +185,7 @@ pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
         report.least_section_ratio = common_ratio(job, ChipLevel::Section);
         report.following = ThreadFollowing::of(job, &limits.drives);
         findings::thread(job, limits, &report, &mut findings);
-        following::findings(job, &report, &mut findings);
+        following::findings(job, limits, &report, &mut findings);
     }
     report.feasible = !findings.has_errors();
     report.findings = findings.into_findings();

@@ -105,6 +105,7 @@ impl Execution<'_> {
             start_angle_deg: 0.0,
             thread_start: 0,
             amplitude_mm: None,
+            amplitude_word: None,
             phase_shift_deg: None,
             pull_out: None,
             included_angle_deg: None,

@@ -278,6 +278,7 @@ fn limits(
         vibration_velocity_mm_per_s: vibrating.0,
         vibration_acceleration_mm_per_s2: share * vibrating.1,
         vibration_jerk_mm_per_s3: share * vibrating.2,
+        max_spindle_rev_per_min: machine.max_spindle_rev_per_min,
         drives: ThreadDrives {
             vibrating: profile.following.of(lead_axis.across()),
             lead: profile.following.of(lead_axis.along()),

@@ -4,7 +4,7 @@ use feedwave_program::{Finding, FindingLog};
 
 use super::{SAME_ANGLE_DEG, SAME_LENGTH_MM, number};
 use crate::functions::thread::report::ThreadPassReport;
-use crate::functions::thread::{LeadAxis, ThreadJob, ThreadReport, code, reduce_deg};
+use crate::functions::thread::{LeadAxis, ThreadJob, ThreadPass, ThreadReport, code, reduce_deg};
 use crate::shared::wording::{decimal, round_up};
 
 /// Whether the chip of a vibrating pass is cut through, and if not, why.
@@ -31,10 +31,12 @@ fn with_amplitude(finding: Finding, number: u64, own: &ThreadPassReport, least_m
         .with_value("amplitude", own.amplitude_mm, "mm")
 }
 
-fn suggest_amplitude(finding: Finding, job: &ThreadJob, least_mm: f64) -> Finding {
+/// Suggests the smallest amplitude that can be written and breaks the chip, for the place of the pass' word where the finding is there.
+fn suggest_amplitude(finding: Finding, job: &ThreadJob, pass: &ThreadPass, least_mm: f64) -> Finding {
     let least_mm = round_up(least_mm + 1e-6, 4);
-    let cure = format!("vibrate with more than {} mm {}", decimal(least_mm, 4), job.geometry.lead_axis.across_words());
-    finding.suggest_value(cure, None, "amplitude", least_mm, "mm")
+    let text = pass.amplitude_text(least_mm, job.geometry.lead_axis.across_words());
+    let word = pass.amplitude_replacement(least_mm).filter(|_| finding.span == pass.amplitude_span());
+    finding.suggest_value(format!("vibrate with at least {text}"), word, "amplitude", least_mm, "mm")
 }
 
 /// The vibration does not reach beyond what the pass cuts.
@@ -58,8 +60,8 @@ fn amplitude_small(
         lead_axis.across_words()
     );
     let least_mm = own.depth.least_amplitude_mm.max(own.infeed_mm);
-    let finding = with_amplitude(Finding::new(code, pass.span, message), number, own, least_mm);
-    findings.push(suggest_amplitude(finding, job, least_mm));
+    let finding = with_amplitude(Finding::new(code, pass.amplitude_span(), message), number, own, least_mm);
+    findings.push(suggest_amplitude(finding, job, pass, least_mm));
 }
 
 /// The pass vibrates too much in step with the one before.
@@ -86,7 +88,7 @@ fn phase_unbroken(job: &ThreadJob, report: &ThreadReport, index: usize, before: 
             cure_deg,
             "deg",
         );
-    findings.push(suggest_amplitude(finding, job, own.depth.least_amplitude_mm));
+    findings.push(suggest_amplitude(finding, job, pass, own.depth.least_amplitude_mm));
 }
 
 /// The chip is cut through at its depth, but not over the whole section.
@@ -99,9 +101,9 @@ fn ribbon(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut F
         job.geometry.lead_axis.across_words(),
         decimal(own.amplitude_mm, 4)
     );
-    let finding = with_amplitude(Finding::new(code::THREAD_CHIP_RIBBON, pass.span, message), number, own, least_mm)
-        .with_value("section_amplitude", least_mm, "mm");
-    let finding = suggest_amplitude(finding, job, least_mm);
+    let finding = Finding::new(code::THREAD_CHIP_RIBBON, pass.amplitude_span(), message);
+    let finding = with_amplitude(finding, number, own, least_mm).with_value("section_amplitude", least_mm, "mm");
+    let finding = suggest_amplitude(finding, job, pass, least_mm);
     let finding = match report.least_section_ratio.map(|ratio| round_up(ratio, 2)) {
         Some(ratio) => {
             let cure = format!("use a ratio of {} for all passes", decimal(ratio, 2));
