@@ -1,8 +1,8 @@
 """Holds the actions of `feedwave interpret` against those of LinuxCNC's interpreter.
 
-    compare.py --feedwave BINARY --python PYTHON [--seed N] [--count N] [--keep DIR] [PROGRAM...]
+    compare.py --feedwave BINARY --python PYTHON [--seed N] [--count N] [--turning N] [--keep DIR] [PROGRAM...]
 
-Without programs: every one of `programs/` and COUNT generated ones. Ends with 1 where something differs that
+Without programs: every one of `programs/`, COUNT generated ones and as many with turning cycles as `--turning` says. Ends with 1 where something differs that
 `differences.json` does not name, or where fewer than 150 programs are equal. Programs that are refused for a code which is known
 and not carried out yet are counted on their own.
 """
@@ -19,11 +19,14 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
 import generate
+import turning
 
 HERE = pathlib.Path(__file__).resolve().parent
 INCH = 25.4
 LETTERS = "xyzabcuvw"
 TOLERANCE_MM = 1e-6
+# A shorter move is rounding.
+STILL_MM = 5e-7
 LEAST_EQUAL = 150
 FEED_SHARE = 1e-9
 
@@ -36,7 +39,7 @@ def normalised_reference(actions):
             if action["seconds"] > 0.0:
                 kept.append(action)
             continue
-        moved = any(abs(one - other) > 1e-9 for one, other in zip(action["end"], last))
+        moved = any(abs(one - other) > STILL_MM for one, other in zip(action["end"], last))
         if moved or action["kind"] in ("arc", "tap"):
             kept.append({**action, "start": last})
         last = action["end"]
@@ -130,7 +133,7 @@ def normalised_ours(actions):
             end = list(end)
             end[0] += action["thread"]["pullOutRetreatMm"]
             entry = {**entry, "start": at, "end": end}
-        moved = any(abs(one - other) > 1e-9 for one, other in zip(entry["start"], end))
+        moved = any(abs(one - other) > STILL_MM for one, other in zip(entry["start"], end))
         if moved or kind in ("arc", "tap"):
             kept.append({**entry, "thread": kind == "thread"})
     return kept
@@ -194,12 +197,15 @@ def difference(ours, theirs):
 def compare(ours, refused, reference, known):
     """How a program differs, or None."""
     if "crash" in reference:
-        return "the reference interpreter crashed"
+        return None if refused else "the reference interpreter crashed"
     theirs, refusal = normalised_reference(reference["actions"]), reference["refusal"]
     code = next((code for code in known if code in (refused or "")), None)
     if code:
         # What follows a refusal is not held against what is carried out there.
         return f"refused here only: {code}" if not refusal else None
+    if refusal and "PRG-TURNING-" in (refused or ""):
+        # A cycle that is refused moves to its start there.
+        return None
     ours = normalised_ours(ours)
     for index, (one, other) in enumerate(zip(ours, theirs)):
         follows = ours[index + 1] if index + 1 < len(ours) else {}
@@ -245,6 +251,7 @@ def main():
     parser.add_argument("--python", default=sys.executable)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--turning", type=int, default=100)
     parser.add_argument("--keep", type=pathlib.Path)
     parser.add_argument("programs", nargs="*", type=pathlib.Path)
     arguments = parser.parse_args()
@@ -255,10 +262,11 @@ def main():
         paths = list(arguments.programs)
         if not paths:
             paths = sorted((HERE / "programs").glob("*.ngc"))
-            for index in range(arguments.count):
-                path = folder / f"generated-{arguments.seed}-{index}.ngc"
-                path.write_text(generate.program(arguments.seed, index))
-                paths.append(path)
+            for name, module, count in (("generated", generate, arguments.count), ("turning", turning, arguments.turning)):
+                for index in range(count):
+                    path = folder / f"{name}-{arguments.seed}-{index}.ngc"
+                    path.write_text(module.program(arguments.seed, index))
+                    paths.append(path)
         theirs = reference(arguments.python, paths)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             results = list(pool.map(lambda path: ours(arguments.feedwave, path), paths))

@@ -14,6 +14,10 @@ INCH = 25.4
 AXES = 9
 # Rotary axes keep degrees.
 SCALE = [INCH, INCH, INCH, 1.0, 1.0, 1.0, INCH, INCH, INCH]
+# What takes longer or has more actions never ends: programs here take milliseconds.
+CPU_S = 2
+MOST_ACTIONS = 50_000
+ENDLESS = 7
 PLANES = {1: (0, 1, 2), 2: (1, 2, 0), 3: (2, 0, 1)}
 
 
@@ -94,6 +98,8 @@ class Canon:
         return [value + origin + tool for value, origin, tool in zip(values, self.origin, self.tool)]
 
     def add(self, kind, **more):
+        if len(self.actions) >= MOST_ACTIONS:
+            os._exit(ENDLESS)
         self.actions.append({"kind": kind, "line": self.line, **more})
 
     def straight_traverse(self, *position):
@@ -144,6 +150,7 @@ def main(paths):
     """Interprets each program in a process of its own, as the interpreter keeps some state, and writes one JSON line for each."""
     import json
     import resource
+    import signal
 
     for path in paths:
         out = sys.stdout.fileno()
@@ -152,8 +159,8 @@ def main(paths):
         if child == 0:
             os.close(reader)
             # A program that never ends would go on without anybody, and fill the memory with its actions.
-            resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
-            resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
+            resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))
+            resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
             # The interpreter writes messages to both streams.
             quiet = os.open(os.devnull, os.O_WRONLY)
             os.dup2(quiet, out)
@@ -166,7 +173,9 @@ def main(paths):
         with os.fdopen(reader) as pipe:
             text = pipe.read()
         _, status = os.waitpid(child, 0)
-        if status != 0 or not text:
+        if os.waitstatus_to_exitcode(status) in (ENDLESS, -signal.SIGXCPU):
+            text = json.dumps({"path": path, "actions": [], "refusal": (0, "it never ends")})
+        elif status != 0 or not text:
             text = json.dumps({"path": path, "crash": status})
         print(text, flush=True)
 

@@ -7,6 +7,7 @@
 mod contour;
 mod follow;
 mod frame;
+mod gouge;
 mod groove;
 mod linuxcnc;
 mod passes;

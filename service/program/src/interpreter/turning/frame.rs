@@ -13,11 +13,6 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Along Z, across X.
-    pub(super) const fn turning(signs: [f64; 2]) -> Self {
-        Self { swaps: false, signs }
-    }
-
     /// From Z and X.
     pub(super) const fn to(&self, point: Point) -> Point {
         let [along, across] = if self.swaps { [point[1], point[0]] } else { point };

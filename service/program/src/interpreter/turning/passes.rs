@@ -61,14 +61,16 @@ pub(super) struct Plan {
 
 /// Moves in a frame, one behind the other.
 pub(super) struct Path {
-    frame: Frame,
+    pub(super) frame: Frame,
     pub(super) at: Point,
     pub(super) steps: Vec<Step>,
+    /// The last move ended beside `at`, by less than counts.
+    is_beside: bool,
 }
 
 impl Path {
     pub(super) const fn new(frame: Frame, at: Point) -> Self {
-        Self { frame, at, steps: Vec::new() }
+        Self { frame, at, steps: Vec::new(), is_beside: false }
     }
 
     /// Whether there are more moves than a cycle may have.
@@ -85,11 +87,18 @@ impl Path {
     }
 
     pub(super) fn straight(&mut self, to: Point, is_rapid: bool) {
-        if to != self.at && !self.is_full() {
+        if (to != self.at || self.is_beside) && !self.is_full() {
             let curve = self.frame.curve_back(&Curve::line(self.at, to));
             self.steps.push(Step { curve, is_rapid, block: None });
+            self.is_beside = false;
         }
         self.at = to;
+    }
+
+    /// Goes on from a point that the last move ended beside, by less than counts.
+    pub(super) fn stand_at(&mut self, point: Point) {
+        self.is_beside |= point != self.at;
+        self.at = point;
     }
 
     /// A feed along a curve that begins here, of a block of the contour.
@@ -101,6 +110,7 @@ impl Path {
         if !is_point && !self.is_full() {
             let curve = self.frame.curve_back(curve);
             self.steps.push(Step { curve, is_rapid: false, block: Some(block as u32) });
+            self.is_beside = false;
         }
         self.at = curve.to;
     }

@@ -33,10 +33,10 @@ pub(super) enum Job {
     },
     /// Passes along the contour.
     Pattern { relief: [f64; 2], passes: u32, allowance: [f64; 2] },
-    /// LinuxCNC's roughing.
-    Steps { facing: bool, pockets: Pockets, depth_mm: f64, escape_mm: f64, stock_mm: f64 },
-    /// LinuxCNC's finishing.
-    Offsets { first_mm: f64, last_mm: f64, passes: u32 },
+    /// LinuxCNC's roughing; its tolerances are in the unit of the program.
+    Steps { facing: bool, pockets: Pockets, depth_mm: f64, escape_mm: f64, stock_mm: f64, unit_mm: f64 },
+    /// LinuxCNC's finishing, likewise.
+    Offsets { first_mm: f64, last_mm: f64, passes: u32, unit_mm: f64 },
 }
 
 /// Where the contour is.
@@ -241,13 +241,14 @@ impl Execution<'_> {
         let depth = self.turning_length(b'I', "depth", &DEPTHS_MM, SCALED);
         let escape = self.turning_length(b'R', "escape", &LENGTHS_MM, SCALED);
         let stock = self.turning_length(b'D', "stock", &SIGNED_MM, SCALED);
-        let unit = if self.state.inch { super::super::execute::MM_PER_INCH } else { 1.0 };
+        let unit_mm = self.unit_mm();
         Some(Job::Steps {
             facing,
             pockets,
-            depth_mm: depth?.unwrap_or(unit),
-            escape_mm: escape?.unwrap_or(0.5 * unit),
+            depth_mm: depth?.unwrap_or(unit_mm),
+            escape_mm: escape?.unwrap_or(0.5 * unit_mm),
             stock_mm: stock?.unwrap_or(0.0),
+            unit_mm,
         })
     }
 
@@ -259,6 +260,12 @@ impl Execution<'_> {
             first_mm: first?.unwrap_or(0.0),
             last_mm: last?.unwrap_or(0.0),
             passes: passes?.unwrap_or(1),
+            unit_mm: self.unit_mm(),
         })
+    }
+
+    /// Millimetres in a unit of the program.
+    const fn unit_mm(&self) -> f64 {
+        if self.state.inch { super::super::execute::MM_PER_INCH } else { 1.0 }
     }
 }

@@ -2,20 +2,20 @@
 //! crossing of the offsets. Points are along and across, the stock is on the side of growing levels.
 //!
 //! As in LinuxCNC, the offset grows in steps of at most half of the smallest line or radius, so that short pieces vanish where they
-//! do not fit.
+//! do not fit. Lengths are in the unit of the program.
 
 use super::passes::Refusal;
 use crate::code;
 use crate::compensation::geometry::{Curve, Point, angle_between, cross, distance, dot, length, minus, plus};
 
-/// Pieces shorter than this, or of a smaller radius, vanish, mm.
-const LEAST_MM: f64 = 1e-3;
+/// Pieces shorter than this, or of a smaller radius, vanish.
+const LEAST: f64 = 1e-3;
 
-/// A gap along the contour above which a corner gets an arc, mm.
-const GAP_MM: f64 = 1e-2;
+/// A gap along the contour above which a corner gets an arc.
+const GAP: f64 = 1e-2;
 
-/// Ends that are nearer to each other than this are the same, mm.
-const SAME_MM: f64 = 1e-6;
+/// Ends that are nearer to each other than this are the same.
+const SAME: f64 = 1e-6;
 
 /// Most steps of an offset: more are needed for pieces only that are far too short for it.
 const MAX_ROUNDS: u32 = 10_000;
@@ -70,9 +70,9 @@ impl Segment {
     /// Whether it goes forward, and an arc stays on one side of its centre.
     pub(super) fn goes_forward(&self) -> bool {
         let progress = self.to[0] - self.from[0];
-        let Some(Circle { center, is_hill }) = self.circle else { return progress >= -LEAST_MM };
+        let Some(Circle { center, is_hill }) = self.circle else { return progress >= -LEAST };
         let ends = [self.from[1] - center[1], self.to[1] - center[1]];
-        progress >= LEAST_MM && ends.into_iter().all(|end| if is_hill { end >= -LEAST_MM } else { end <= LEAST_MM })
+        progress >= LEAST && ends.into_iter().all(|end| if is_hill { end >= -LEAST } else { end <= LEAST })
     }
 
     /// Moved toward the stock.
@@ -99,32 +99,33 @@ impl Segment {
 }
 
 /// Offsets the contour behind its first piece, the move to it, whose end follows.
-pub(super) fn offset(segments: &mut Vec<Segment>, stock_mm: f64) -> Result<(), Refusal> {
+pub(super) fn offset(segments: &mut Vec<Segment>, stock: f64) -> Result<(), Refusal> {
     let mut contour = segments.split_off(1);
+    contour.retain(|segment| segment.size() >= LEAST);
     let first = segments[0];
     let last = contour.last().map_or(first, |last| *last);
     let inside = cross(minus(first.to, first.from), minus(last.from, first.from)) < 0.0;
-    let stock_mm = if inside { -stock_mm } else { stock_mm };
-    let (mut left, mut rounds) = (stock_mm.abs(), 0);
+    let stock = if inside { -stock } else { stock };
+    let (mut left, mut rounds) = (stock.abs(), 0);
     while left > 0.0 {
         let step = contour.iter().map(|segment| segment.size() * 0.5).fold(left, f64::min);
         rounds += 1;
         if rounds > MAX_ROUNDS || step <= 0.0 {
             return Err(too_narrow());
         }
-        let by = step.copysign(stock_mm);
+        let by = step.copysign(stock);
         for segment in &mut contour {
             segment.offset(by);
         }
-        contour.retain(|segment| segment.size() >= LEAST_MM);
+        contour.retain(|segment| segment.size() >= LEAST);
         connect(&mut contour, by);
         for index in 1..contour.len() {
             let (before, behind) = contour.split_at_mut(index);
             if let (Some(before), Some(behind)) = (before.last_mut(), behind.first_mut()) {
-                meet(before, behind);
+                meet(before, behind)?;
             }
         }
-        contour.retain(|segment| segment.size() >= LEAST_MM);
+        contour.retain(|segment| segment.size() >= LEAST);
         if contour.is_empty() || contour.iter().any(|segment| !segment.goes_forward()) {
             return Err(too_narrow());
         }
@@ -151,7 +152,7 @@ fn connect(contour: &mut Vec<Segment>, by: f64) {
     let mut index = 0;
     while index + 1 < contour.len() {
         let (before, behind) = (contour[index], contour[index + 1]);
-        if behind.from[0] - before.to[0] > GAP_MM {
+        if behind.from[0] - before.to[0] > GAP {
             let (mut unmoved_before, mut unmoved_behind) = (before, behind);
             unmoved_before.offset(-by);
             unmoved_behind.offset(-by);
@@ -165,20 +166,19 @@ fn connect(contour: &mut Vec<Segment>, by: f64) {
 }
 
 /// Lets the end of one piece be the start of the next, where they cross.
-fn meet(before: &mut Segment, behind: &mut Segment) {
-    if distance(before.to, behind.from) < SAME_MM {
-        return;
-    }
+fn meet(before: &mut Segment, behind: &mut Segment) -> Result<(), Refusal> {
+    let is_joined = distance(before.to, behind.from) < SAME;
     let point = match (before.circle, behind.circle) {
         (None, None) => lines_cross(before, behind),
-        (None, Some(circle)) => line_crosses(before, circle.center, behind.radius(), behind.from),
-        (Some(circle), None) => line_crosses(behind, circle.center, before.radius(), behind.from),
-        (Some(one), Some(other)) if one.is_hill == other.is_hill => circles_cross(before, behind, one, other),
-        _ => None,
+        (Some(one), Some(other)) => Some(circles_cross(before, behind, one, other)?),
+        _ if is_joined => None,
+        (None, Some(circle)) => line_crosses(before, circle.center, distance(behind.to, circle.center), behind.from),
+        (Some(circle), None) => line_crosses(behind, circle.center, distance(before.to, circle.center), behind.from),
     };
     if let Some(point) = point {
         (before.to, behind.from) = (point, point);
     }
+    Ok(())
 }
 
 fn lines_cross(one: &Segment, other: &Segment) -> Option<Point> {
@@ -207,21 +207,26 @@ fn line_crosses(line: &Segment, center: Point, radius: f64, near: Point) -> Opti
     Some(if distance(near, one) < distance(near, other) { one } else { other })
 }
 
-fn circles_cross(before: &Segment, behind: &Segment, first: Circle, second: Circle) -> Option<Point> {
+/// The upper crossing of two circles, which is that of LinuxCNC. Where the pieces do not cross near it, there is no offset that
+/// both would make.
+fn circles_cross(before: &Segment, behind: &Segment, first: Circle, second: Circle) -> Result<Point, Refusal> {
     let (a, b) = (behind.radius(), before.radius());
     let between = minus(first.center, second.center);
     let c = length(between);
     if a == 0.0 || c == 0.0 {
-        return None;
+        return Err(too_narrow());
     }
-    let cosine = ((c * c + a * a - b * b) / (2.0 * a * c)).clamp(-1.0, 1.0);
-    let sine = (1.0 - cosine * cosine).sqrt();
+    let cosine = (c * c + a * a - b * b) / (2.0 * a * c);
+    if cosine.abs() > 1.0 + LEAST {
+        return Err(too_narrow());
+    }
+    let sine = (1.0 - (cosine * cosine).min(1.0)).sqrt();
     let unit = [between[0] / c, between[1] / c];
     let at = |sine: f64| {
         let turned = [unit[0] * cosine - unit[1] * sine, unit[0] * sine + unit[1] * cosine];
         [second.center[0] + turned[0] * a, second.center[1] + turned[1] * a]
     };
-    let (one, other) = (at(sine), at(-sine));
+    let (lower, upper) = (at(sine), at(-sine));
     let near = plus(before.to, behind.from).map(|sum| sum * 0.5);
-    Some(if distance(near, one) <= distance(near, other) { one } else { other })
+    if distance(near, upper) > distance(near, lower) + GAP { Err(too_narrow()) } else { Ok(upper) }
 }

@@ -49,6 +49,48 @@ fn every_move_of_random_contours_is_that_of_the_reference() {
     compare(include_str!("linuxcnc-random.ngc"), include_str!("linuxcnc-random-moves.txt"));
 }
 
+/// A cycle that starts in its contour or where it begins is refused; so is a contour that cuts nothing.
+#[test]
+fn starts_that_lead_into_the_contour_are_refused() {
+    let refusal = |contour: &str, rest: &str| {
+        let program = format!("G18 G8 G94 F100\no100 sub\n{contour}\no100 endsub\n{rest}\nM2");
+        let findings = interpret(program.as_bytes(), linuxcnc()).1;
+        let errors: Vec<_> = findings.findings().iter().map(|finding| finding.message.clone()).collect();
+        errors.join("; ")
+    };
+    let taper = "G0 X20 Z0\nG1 X10 Z-10\nX25 Z-30";
+    let begins =
+        "the cycle starts where its contour begins, so that the first piece of the contour would be the dive to it";
+    // The first line of the contour would be passed rapidly.
+    assert_eq!(refusal(taper, "G0 X20 Z0\nG70 Q100"), begins);
+    assert_eq!(refusal(taper, "G0 X20 Z0\nG71 Q100"), begins);
+    assert_eq!(refusal(taper, "G0 X30 Z2\nG71 Q100"), "");
+    assert_eq!(refusal("G0 X10 Z0\nZ-10\nX25 Z-30", "G0 X10 Z0\nG71 Q100"), "");
+    // Where the tool is, the part is: from there the dive goes below the contour.
+    let inside = "G1 X40.102 Z-10.372\nZ-8.45703\nG3 X46.83253 Z-2.05715 I6.730526 K-0.339184\n\
+                  G3 X53.38207 Z-8.60669 I0 K-6.549538\nG1 X61.28828\nZ-4.14568\nX68.84405 Z-5.88817\n\
+                  G2 X85.97699 Z-5.88817 I8.566471 K0";
+    let cuts = "from where the cycle starts, a move of it cuts 8.301 mm into its contour";
+    assert_eq!(refusal(inside, "G0 X39.6573325 Z-10.35828\nG72 Q100 I2.425852 R0.437944 D1.101206"), cuts);
+    let nothing = "the contour has no move behind the one to it, so that the cycle would cut nothing";
+    assert_eq!(refusal("G0 X10 Z0", "G0 X20 Z5\nG71 Q100"), nothing);
+}
+
+/// Each move names the line that it follows.
+#[test]
+fn moves_name_the_lines_of_the_contour() {
+    let program =
+        "G18 G8 G94 F100\no100 sub\nG0 X10 Z0\nG1 X12 Z-10\nG2 X15 Z-13 R3\no100 endsub\nG0 X20 Z5\nG70 Q100\nM2";
+    let (operations, findings) = interpret(program.as_bytes(), linuxcnc());
+    assert!(findings.findings().is_empty(), "{findings:?}");
+    let lines = operations.iter().filter_map(|operation| match &operation.kind {
+        OperationKind::Move(step) if step.kind == MoveKind::Cutting => Some(operation.span.line),
+        _ => None,
+    });
+    let lines: Vec<_> = lines.collect();
+    assert_eq!(lines, [4, 5]);
+}
+
 /// Compares the moves of a program, as radius and Z with four decimals, with those that the reference printed.
 #[track_caller]
 fn compare(program: &str, expected: &str) {

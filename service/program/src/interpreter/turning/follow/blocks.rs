@@ -56,6 +56,9 @@ impl Interpreter {
         let block_span = (!self.block.is_empty()).then(|| self.block.span());
         let waits = self.state.corner.is_some() || self.state.angle_line.is_some();
         let Some(run) = &mut self.state.flow.contour else { return };
+        // The contour of a subprogram begins with the first of its blocks that names an axis.
+        let is_blocks = run.last.is_some();
+        let is_first = if is_blocks { is_first } else { run.named == [false; 2] };
         if is_first && run.pieces.is_empty() {
             run.named = named;
         }
@@ -72,8 +75,7 @@ impl Interpreter {
         }
         operations.extend(ends);
         // A first block that ends where it starts is the move to the contour all the same.
-        let is_blocks = run.last.is_some();
-        if is_first && is_blocks && run.pieces.is_empty() && named != [false; 2] && !waits {
+        if is_first && run.pieces.is_empty() && named != [false; 2] && !waits {
             let span = block_span.unwrap_or(run.span);
             run.pieces.push(Piece { curve: Curve::line(here, here), span, is_rapid: true });
         }

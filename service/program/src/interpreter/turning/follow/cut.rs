@@ -40,7 +40,10 @@ impl Interpreter {
     }
 
     fn cut_step(&mut self, run: &ContourRun, step: &Step, operations: &mut Vec<Operation>) {
-        let span = step.block.and_then(|block| run.pieces.get(block as usize + 1)).map_or(run.span, |piece| piece.span);
+        // LinuxCNC counts the move to the contour as one of its blocks.
+        let behind = usize::from(!matches!(run.request.contour, Whereabouts::Sub(_)));
+        let span =
+            step.block.and_then(|block| run.pieces.get(block as usize + behind)).map_or(run.span, |piece| piece.span);
         let [z, x] = step.curve.to;
         let start = self.state.position;
         let mut end = start;
