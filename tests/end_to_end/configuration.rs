@@ -30,6 +30,11 @@ async fn a_bad_value_is_refused_with_its_file_its_key_and_the_reason() {
     let cases = [
         ("[limits]\ndrain_seconds = 3\n", "limits.drain_seconds", "unknown key"),
         ("[limits]\nmessage_bytes = 1\n", "limits.message_bytes", "must be 65536 to"),
+        (
+            "[limits]\nunfinished_upload_bytes_per_client = 1000\n",
+            "limits.unfinished_upload_bytes_per_client",
+            "must be 2147483648 to",
+        ),
         ("[grpc]\nlisten = 'everywhere'\n", "grpc.listen", "invalid socket address"),
         ("[grpc]\nlisten = \n", "", "shop.toml"),
         ("[store]\nuri = 'feedwave.db'\n", "store.uri", "it has no scheme"),
@@ -68,6 +73,21 @@ async fn a_store_that_cannot_be_opened_is_named() {
 }
 
 #[test]
+fn a_larger_program_raises_the_bytes_of_unfinished_uploads_that_are_not_stated() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let file = directory.path().join("shop.toml");
+    for (upload_bytes, all, of_a_client) in
+        [(2 << 30, 16 << 30, 4 << 30), (8 << 30, 16 << 30, 8 << 30), (1_u64 << 40, 1 << 40, 1 << 40)]
+    {
+        std::fs::write(&file, format!("[limits]\nupload_bytes = {upload_bytes}\n"))
+            .expect("the configuration is written");
+        let limits = Config::load(Some(&file), &Overrides::default()).expect("the configuration is accepted").limits;
+        assert_eq!(limits.max_unfinished_upload_bytes(), all);
+        assert_eq!(limits.max_unfinished_upload_bytes_per_client(), of_a_client);
+    }
+}
+
+#[test]
 fn the_example_states_every_key_with_its_default() {
     let loaded = Config::load(Some(example()), &Overrides::default()).expect("the example is accepted");
     let mut expected = Config::default();
@@ -95,6 +115,8 @@ fn the_example_states_every_key_with_its_default() {
     };
     full.store = StoreConfig::of_file(Path::new("feedwave.db")).expect("a path");
     full.store.objects.uri = Some("file:///programs".parse().expect("a URI"));
+    full.limits.unfinished_upload_bytes = Some(1);
+    full.limits.unfinished_upload_bytes_per_client = Some(1);
     full.retention = RetentionConfig {
         jobs_days: Some(1),
         runs_days: Some(1),

@@ -53,14 +53,18 @@ where
     fn decoder(&mut self) -> Self::Decoder {
         // A server makes it while it answers, a client outside of any answer.
         let account = ACCOUNT.try_with(Arc::clone).ok();
-        AccountedDecoder { inner: ProstDecoder::default(), account }
+        AccountedDecoder {
+            inner: ProstDecoder::default(),
+            account: account.map(|it| (it, Shape::named(&U::full_name()))),
+        }
     }
 }
 
 /// Decodes what the account of the call allows.
 pub struct AccountedDecoder<U> {
     inner: ProstDecoder<U>,
-    account: Option<Account>,
+    /// With the kind of the messages; `None` for a kind without descriptor.
+    account: Option<(Account, Option<Shape>)>,
 }
 
 impl<U> fmt::Debug for AccountedDecoder<U> {
@@ -74,9 +78,8 @@ impl<U: Message + Name + Default> Decoder for AccountedDecoder<U> {
     type Error = Status;
 
     fn decode(&mut self, buf: &mut DecodeBuf<'_>) -> Result<Option<U>, Status> {
-        if let Some(account) = &self.account {
-            let name = U::full_name();
-            let shape = Shape::named(&name).ok_or_else(|| Status::internal(format!("{name} has no descriptor")))?;
+        if let Some((account, shape)) = &self.account {
+            let shape = shape.ok_or_else(|| Status::internal(format!("{} has no descriptor", U::full_name())))?;
             // A message is in one piece.
             account(shape.decoded_bytes(buf.chunk()))?;
         }

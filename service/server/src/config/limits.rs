@@ -19,10 +19,12 @@ pub struct Limits {
     pub unfinished_uploads: u32,
     /// Of these most of one client.
     pub unfinished_uploads_per_client: u32,
-    /// Bytes announced for unfinished uploads.
-    pub unfinished_upload_bytes: u64,
-    /// Of these most of one client.
-    pub unfinished_upload_bytes_per_client: u64,
+    /// Bytes announced for unfinished uploads; without it 16 GiB, and a largest program in any case.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unfinished_upload_bytes: Option<u64>,
+    /// Of these most of one client; without it 4 GiB, and a largest program in any case.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unfinished_upload_bytes_per_client: Option<u64>,
     /// How long an unfinished upload is kept to which nothing comes, s.
     pub upload_expiry_s: u64,
     /// Largest request message, bytes.
@@ -58,8 +60,8 @@ impl Default for Limits {
             upload_bytes: 2 << 30,
             unfinished_uploads: 256,
             unfinished_uploads_per_client: 64,
-            unfinished_upload_bytes: 16 << 30,
-            unfinished_upload_bytes_per_client: 4 << 30,
+            unfinished_upload_bytes: None,
+            unfinished_upload_bytes_per_client: None,
             upload_expiry_s: 86_400,
             message_bytes: 4 << 20,
             concurrent_requests: 1_024,
@@ -78,6 +80,18 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// [`Limits::unfinished_upload_bytes`], or its default.
+    #[must_use]
+    pub fn max_unfinished_upload_bytes(&self) -> u64 {
+        self.unfinished_upload_bytes.unwrap_or_else(|| self.upload_bytes.max(16 << 30))
+    }
+
+    /// [`Limits::unfinished_upload_bytes_per_client`], or its default.
+    #[must_use]
+    pub fn max_unfinished_upload_bytes_per_client(&self) -> u64 {
+        self.unfinished_upload_bytes_per_client.unwrap_or_else(|| self.upload_bytes.max(4 << 30))
+    }
+
     /// [`Limits::validation_turn_ms`]
     #[must_use]
     pub const fn validation_turn(&self) -> Duration {
@@ -108,10 +122,10 @@ impl Limits {
             ("limits.unfinished_uploads", self.unfinished_uploads.into(), 1, 100_000),
             ("limits.unfinished_uploads_per_client", self.unfinished_uploads_per_client.into(), 1, 100_000),
             // A largest program has to fit.
-            ("limits.unfinished_upload_bytes", self.unfinished_upload_bytes, self.upload_bytes, 1 << 50),
+            ("limits.unfinished_upload_bytes", self.max_unfinished_upload_bytes(), self.upload_bytes, 1 << 50),
             (
                 "limits.unfinished_upload_bytes_per_client",
-                self.unfinished_upload_bytes_per_client,
+                self.max_unfinished_upload_bytes_per_client(),
                 self.upload_bytes,
                 1 << 50,
             ),
