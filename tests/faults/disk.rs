@@ -7,10 +7,10 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use feedwave_contract::proto::{
-    DeleteJobRequest, GetJobRequest, GetReportRequest, Job, JobState, ProgramsDeleteProgramRequest,
-    StreamSetpointsRequest,
+    DeleteJobRequest, GetJobRequest, GetPlanSummaryRequest, GetReportRequest, Job, JobState, ListJobsRequest,
+    ProgramsDeleteProgramRequest, ReadProgramRequest, StreamSetpointsRequest, WatchJobsRequest,
 };
-use feedwave_tests::{Clients, Home, Server, patiently, stream};
+use feedwave_tests::{Clients, Home, Server, patiently, stream, upload};
 use rustix::process::{Pid, Signal, kill_process};
 use tokio::process::Command;
 use tonic::{Code, Status};
@@ -150,8 +150,7 @@ async fn a_disk_that_fails_to_read_is_no_damage() {
     let server = server.kill().await.start().await;
     let mut clients = server.connect().await;
     faults.reads_fail(EIO);
-    let request = StreamSetpointsRequest { job: name.clone(), ..StreamSetpointsRequest::default() };
-    assert_unavailable(&stream(&mut clients, request).await.map(drop).unwrap_err());
+    assert_unavailable(&stream(&mut clients, setpoints_of(&name)).await.map(drop).unwrap_err());
     // It may still know the report.
     if let Err(status) = clients.jobs.get_report(GetReportRequest { job: name.clone() }).await {
         assert_unavailable(&status);
@@ -168,6 +167,80 @@ async fn a_disk_that_fails_to_read_is_no_damage() {
     let job = clients.jobs.get_job(GetJobRequest { name }).await.expect("it is there").into_inner().job.expect("a job");
     assert_eq!(job.state(), JobState::Ready, "{}", job.state_message);
     assert!(!server.log().contains("marked as damaged"), "{}", server.log());
+}
+
+#[tokio::test]
+async fn reads_that_hang_end_calls_and_streams() {
+    let faults = Faults::new();
+    let mut home = Home::new(FEEDWAVE, "");
+    let file = home.path().join("feedwave.db").display().to_string();
+    let uri = format!("sqlite://{file}?read_timeout_s=1&busy_timeout_s=1");
+    let mut environment = faults.environment.clone();
+    environment.push(("FEEDWAVE_STORE__URI".to_owned(), uri));
+    home.set_environment(environment);
+    let server = home.start().await;
+    let job = server.connect().await.submit(&noise(1)).await.job;
+    // What has just been started has them nowhere but on the disk.
+    let server = server.kill().await.start().await;
+    let mut clients = server.connect().await;
+    faults.reads_hang(true);
+    let told = [
+        clients.jobs.list_jobs(ListJobsRequest::default()).await.map(drop),
+        clients.setpoints.get_plan_summary(GetPlanSummaryRequest { job: job.name.clone() }).await.map(drop),
+        stream(&mut clients, setpoints_of(&job.name)).await.map(drop),
+        read(&mut clients, &job.program, || {}).await,
+        watch(&mut clients, &job).await,
+    ];
+    for told in told {
+        assert_unavailable(&told.expect_err("nothing can be read"));
+    }
+    assert_eq!(server.web().get("/v1/jobs").await.status, 503);
+
+    faults.reads_hang(false);
+    readiness(&server, 200, "ok").await;
+    stream(&mut clients, setpoints_of(&job.name)).await.expect("the job is there");
+    read(&mut clients, &job.program, || {}).await.expect("the program is there");
+    assert!(!server.log().contains("marked as damaged"), "{}", server.log());
+}
+
+fn setpoints_of(job: &str) -> StreamSetpointsRequest {
+    StreamSetpointsRequest { job: job.to_owned(), ..StreamSetpointsRequest::default() }
+}
+
+/// Reads a program to its end; `begun` is called once the first piece has come.
+async fn read(clients: &mut Clients, name: &str, begun: impl FnOnce()) -> Result<(), Status> {
+    let request = ReadProgramRequest { name: name.to_owned(), ..ReadProgramRequest::default() };
+    let mut pieces = clients.programs.read_program(request).await?.into_inner();
+    let mut begun = Some(begun);
+    while pieces.message().await?.is_some() {
+        if let Some(begun) = begun.take() {
+            begun();
+        }
+    }
+    Ok(())
+}
+
+/// Watches a job from its first event on, until it is refused.
+async fn watch(clients: &mut Clients, job: &Job) -> Result<(), Status> {
+    let request = WatchJobsRequest { after: Some(0), job: job.name.clone() };
+    let mut events = clients.jobs.watch_jobs(request).await?.into_inner();
+    events.message().await.map(drop)
+}
+
+#[tokio::test]
+async fn a_disk_that_fails_under_a_stream_is_no_damage() {
+    let faults = Faults::new();
+    let server = start(&faults).await;
+    let mut clients = server.connect().await;
+    let program: String = (1..=16).map(noise).collect();
+    let name = upload(&mut clients, &program.into()).await.expect("it is taken");
+    let server = server.kill().await.start().await;
+    let mut clients = server.connect().await;
+    let told = read(&mut clients, &name, || faults.reads_fail(EIO)).await;
+    assert_unavailable(&told.expect_err("the rest cannot be read"));
+    faults.reads_fail(0);
+    readiness(&server, 200, "ok").await;
+    read(&mut clients, &name, || {}).await.expect("the program is there");
 }
 
 #[tokio::test]

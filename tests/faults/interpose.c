@@ -20,6 +20,7 @@ struct control {
     int32_t spares_log;
     int64_t clock_offset_s;
     int32_t read_errno;
+    int32_t read_hangs;
 };
 
 static volatile struct control *control;
@@ -89,7 +90,11 @@ ssize_t pwrite64(int file, const void *data, size_t size, off64_t offset) {
 }
 
 static int read_fails(int file) {
-    if (!control || !control->read_errno || !of_store(file))
+    if (!control || !(control->read_errno || control->read_hangs) || !of_store(file))
+        return 0;
+    while (control->read_hangs)
+        usleep(5000);
+    if (!control->read_errno)
         return 0;
     errno = control->read_errno;
     return 1;

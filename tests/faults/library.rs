@@ -83,6 +83,11 @@ impl Faults {
         self.set(24, &errno.to_ne_bytes());
     }
 
+    /// Whether reads do not come back.
+    pub fn reads_hang(&self, hang: bool) {
+        self.set(28, &i32::from(hang).to_ne_bytes());
+    }
+
     /// By how much the clock is ahead, s.
     pub fn clock_ahead(&self, offset_s: i64) {
         self.set(16, &offset_s.to_ne_bytes());

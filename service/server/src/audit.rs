@@ -101,10 +101,6 @@ impl AuditLog {
         &self.engine
     }
 
-    pub(crate) const fn store(&self) -> &Store {
-        &self.store
-    }
-
     fn refusals(&self) -> MutexGuard<'_, HashMap<Refusal, Counted>> {
         self.refusals.lock().unwrap_or_else(PoisonError::into_inner)
     }

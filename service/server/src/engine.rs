@@ -161,13 +161,9 @@ impl Engine {
         self.inner.active.cancel(id);
     }
 
-    /// Marks a job as failed whose stored data is damaged, with the reason; other errors change nothing. What is to be told: a disk
-    /// that fails to read is no damage.
+    /// Marks a job as failed whose stored data is damaged, with the reason; other errors change nothing. Returns what is to be told.
     pub async fn mark_damaged(&self, id: Uuid, error: Error) -> Error {
         let Error::Damaged(reason) = &error else { return error };
-        if let Some(fault) = self.inner.store.read_fault().await {
-            return fault.into();
-        }
         let from = [JobState::PendingValidation, JobState::Validating, JobState::Ready, JobState::Rejected];
         let mut detail = format!("stored data is damaged: {reason}");
         detail.truncate(detail.floor_char_boundary(MAX_REASON_BYTES));

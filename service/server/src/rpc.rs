@@ -9,12 +9,12 @@ use std::collections::HashMap;
 use std::panic::AssertUnwindSafe;
 use std::sync::{Arc, LazyLock};
 use std::task::{Context, Poll};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bytes::Bytes;
 use feedwave_contract::codec::{Account, accounted};
 use feedwave_contract::proto::DESCRIPTORS;
-use feedwave_store::{AuditRequest, StoreError};
+use feedwave_store::AuditRequest;
 use futures_util::FutureExt as _;
 use futures_util::future::BoxFuture;
 use http::{HeaderMap, Request, Response, StatusCode, header};
@@ -50,20 +50,6 @@ struct Method {
     answers_many: bool,
     /// Whether clients may pause between two messages: they do where both sides send.
     may_pause: bool,
-    /// Whether it does nothing but read records.
-    reads_records: bool,
-}
-
-/// How long reading records may take: a disk that does not answer by then may never do.
-const READING: Duration = Duration::from_secs(45);
-
-/// What is called as reading is, and plans the whole program.
-const COMPUTED: &str = "GetPlanSummary";
-
-/// Waits until reading takes too long.
-pub(crate) async fn unread() -> Error {
-    tokio::time::sleep(READING).await;
-    StoreError::Unavailable { reason: "it does not answer reads in time", source: None }.into()
 }
 
 impl Method {
@@ -75,7 +61,7 @@ impl Method {
         } else {
             Resource::Call
         };
-        Self { resource, sends_many, answers_many, may_pause: sends_many && answers_many, reads_records: false }
+        Self { resource, sends_many, answers_many, may_pause: sends_many && answers_many }
     }
 }
 
@@ -88,9 +74,6 @@ static METHODS: LazyLock<HashMap<String, Method>> = LazyLock::new(|| {
             let of = |method: prost_reflect::MethodDescriptor| {
                 let is_watcher = method.name().starts_with("Watch");
                 let kind = Method::new(is_watcher, method.is_client_streaming(), method.is_server_streaming());
-                let is_read = ["Get", "List"].iter().any(|verb| method.name().starts_with(verb));
-                let reads_records = kind.resource == Resource::Call && is_read && method.name() != COMPUTED;
-                let kind = Method { reads_records, ..kind };
                 (format!("/{}/{}", service.full_name(), method.name()), kind)
             };
             service.methods().map(of).collect::<Vec<_>>()
@@ -148,16 +131,6 @@ impl RpcLayer {
     ) -> Self {
         let (limit, message_bytes) = (limits.concurrent_requests, limits.message_bytes);
         Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, access, audit, draining }
-    }
-
-    /// The answer, where what it tells as damage is none but a disk that fails to read.
-    async fn without_read_faults(&self, answer: Response<Body>) -> Response<Body> {
-        let code = Status::from_header_map(answer.headers()).map(|status| status.code());
-        if code != Some(Code::DataLoss) {
-            return answer;
-        }
-        let fault = self.audit.store().read_fault().await;
-        fault.map_or(answer, |fault| Error::from(fault).into_answer())
     }
 
     /// Places for a call, held to the end of its response.
@@ -348,13 +321,11 @@ where
                 biased;
                 answered = AssertUnwindSafe(layer.answer(inner, request, method, &mut call)).catch_unwind() => answered,
                 () = until(deadline) => Ok(Ok(Error::DeadlineExceeded.into_answer())),
-                error = unread(), if method.reads_records => Ok(Ok(error.into_answer())),
             };
             let response = match answered {
                 Ok(answer) => answer?,
                 Err(_) => call.panicked().into_answer(),
             };
-            let response = layer.without_read_faults(response).await;
             let status = Status::from_header_map(response.headers());
             call.end_audit(status, method).await;
             Ok(observe(response, call))

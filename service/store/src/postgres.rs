@@ -115,11 +115,6 @@ impl Database for PostgresStore {
         self.probe_writing(patience).await
     }
 
-    /// They are the server's, which tells the two apart.
-    async fn read_fault(&self) -> Option<StoreError> {
-        None
-    }
-
     fn watch_faults(&self) -> watch::Receiver<u64> {
         self.inner.probing.faults()
     }

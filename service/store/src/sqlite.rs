@@ -14,6 +14,7 @@ mod options;
 mod presences;
 mod probe;
 mod programs;
+mod reader;
 mod reading;
 mod retention;
 mod runs;
@@ -23,23 +24,23 @@ mod uploads;
 mod validations;
 mod writer;
 
-use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use async_trait::async_trait;
-use sqlx::pool::PoolConnection;
-use sqlx::{Sqlite, SqliteConnection, SqlitePool};
+use sqlx::SqlitePool;
 use tokio::sync::watch;
 
 use crate::Database;
 use crate::error::{Result, StoreError};
 use crate::objects::Objects;
 use crate::settings::{StoreSettings, StoreStats};
+use fault::is_damage;
 pub(crate) use fault::meaning;
 pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
 use probe::Probing;
+use reader::Reader;
 use reading::Reading;
 use writer::{BoxFuture, Transaction, Writer};
 
@@ -74,19 +75,12 @@ impl Database for SqliteStore {
             return Err(StoreError::unavailable("it is closed"));
         }
         let mut reader = self.reader().await?;
-        match sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *reader).await.map_err(StoreError::from) {
-            Ok(_) => Ok(()),
-            Err(error @ StoreError::Corrupt { .. }) => Err(self.read_fault().await.unwrap_or(error)),
-            Err(error) => Err(error),
-        }
+        sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut reader).await?;
+        Ok(())
     }
 
     async fn probe(&self, patience: Duration) -> Result<()> {
         self.probe_writing(patience).await
-    }
-
-    async fn read_fault(&self) -> Option<StoreError> {
-        self.inner.reading.fault(&self.inner.options.path).await
     }
 
     fn watch_faults(&self) -> watch::Receiver<u64> {
@@ -141,40 +135,13 @@ impl SqliteStore {
         T: Send + 'static,
         F: for<'t> FnOnce(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,
     {
-        self.inner.writer.write(payload_bytes, work).await
+        match self.inner.writer.write(payload_bytes, work).await {
+            Err(error @ StoreError::Corrupt { .. }) => Err(self.inner.read_fault().await.unwrap_or(error)),
+            done => done,
+        }
     }
 
     async fn reader(&self) -> Result<Reader<'_>> {
-        let begun = Instant::now();
-        let connection = self.inner.readers.acquire().await?;
-        Ok(Reader { connection, inner: &self.inner, begun })
-    }
-}
-
-/// A connection for reading; reports its use when dropped.
-struct Reader<'a> {
-    connection: PoolConnection<Sqlite>,
-    inner: &'a Inner,
-    begun: Instant,
-}
-
-impl Deref for Reader<'_> {
-    type Target = SqliteConnection;
-
-    fn deref(&self) -> &SqliteConnection {
-        &self.connection
-    }
-}
-
-impl DerefMut for Reader<'_> {
-    fn deref_mut(&mut self) -> &mut SqliteConnection {
-        &mut self.connection
-    }
-}
-
-impl Drop for Reader<'_> {
-    fn drop(&mut self) {
-        self.inner.reads.fetch_add(1, Ordering::Relaxed);
-        self.inner.settings.observer.read_done(self.begun.elapsed());
+        Ok(Reader::of(&self.inner).await?)
     }
 }

@@ -10,7 +10,7 @@ use tokio::sync::watch;
 
 use crate::audit::Audit;
 use crate::checkpoints::Checkpoints;
-use crate::error::{Result, StoreError};
+use crate::error::Result;
 use crate::jobs::Jobs;
 use crate::machines::Machines;
 use crate::postgres::PostgresStore;
@@ -46,9 +46,6 @@ pub trait Database:
     /// # Errors
     /// `Unavailable` with the reason.
     async fn probe(&self, patience: Duration) -> Result<()>;
-
-    /// Why the files of the database cannot be read, where they are its own and cannot: what is told as damage then may be none.
-    async fn read_fault(&self) -> Option<StoreError>;
 
     /// Counts writes that the database could not do, so that a probe follows them at once.
     fn watch_faults(&self) -> watch::Receiver<u64>;

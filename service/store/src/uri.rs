@@ -26,6 +26,7 @@ const SCHEMES: [&str; 2] = [sqlite::SCHEME, postgres::SCHEMES[0]];
 /// | --- | --- | --- | --- |
 /// | `readers` | 1 to 64 | 4 | connections that read at the same time |
 /// | `busy_timeout_s` | 0 to 3600 | 5 | how long to wait for a lock that another process holds, or for a free reader, s |
+/// | `read_timeout_s` | 1 to 3600 | 45 | a read that has not answered by then is given up, s |
 ///
 /// Options of a server, as in `postgres://feedwave@db.plant.example:5432/feedwave?sslmode=verify-full&connections=32`:
 ///

@@ -21,7 +21,6 @@ use super::{HttpError, HttpState};
 use crate::connections::{Connection, Held, OpenCall, Resource, Unread, in_json};
 use crate::error::{Error, Result};
 use crate::observability::metrics::Metrics;
-use crate::rpc::unread;
 
 /// Paths that probes ask, however much there is to do.
 const PROBES: [&str; 2] = ["/healthz", "/readyz"];
@@ -84,7 +83,7 @@ pub(super) async fn bounded(State(bounds): State<Bounds>, request: Request, next
 async fn answered(bounds: &Bounds, request: Request, next: Next) -> Response {
     let connection = request.extensions().get::<Arc<Connection>>().cloned();
     match bounds.admit(request.uri().path(), connection.as_ref()) {
-        Ok(places) => unless_unread(next.run(request)).await.map(|body| {
+        Ok(places) => next.run(request).await.map(|body| {
             let body = WatchedBody::new(body);
             if let Some(connection) = connection {
                 let watched: Arc<dyn Unread> = body.watched();
@@ -93,15 +92,6 @@ async fn answered(bounds: &Bounds, request: Request, next: Next) -> Response {
             Body::new(Holding { body, _places: places })
         }),
         Err(error) => HttpError(error).into_response(),
-    }
-}
-
-/// An answer, which begins with what is read, unless reading takes too long.
-async fn unless_unread(answer: impl Future<Output = Response>) -> Response {
-    tokio::select! {
-        biased;
-        answer = answer => answer,
-        error = unread() => HttpError(error).into_response(),
     }
 }
 

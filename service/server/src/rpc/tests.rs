@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use http_body::Body as _;
 use tonic_types::StatusExt as _;
 use tower::{Layer as _, Service as _};
@@ -18,21 +20,21 @@ fn call(path: &str) -> Request<Body> {
 }
 
 /// A layer over an empty store.
-async fn layer_of(limits: Limits) -> (tempfile::TempDir, Arc<Metrics>, RpcLayer) {
+async fn layer_of(limits: Limits) -> (tempfile::TempDir, feedwave_store::Store, Arc<Metrics>, RpcLayer) {
     let folder = tempfile::tempdir().unwrap();
     let uri = feedwave_store::StoreUri::of_file(&folder.path().join("feedwave.db")).unwrap();
     let store = feedwave_store::Store::open(&uri, feedwave_store::StoreSettings::default()).await.unwrap();
     let (metrics, draining) = (Arc::new(Metrics::new()), CancellationToken::new());
     let engine = Engine::new(store.clone(), metrics.clone(), limits.clone(), draining.clone());
-    let (access, audit) = (Access::load(&AuthConfig::default()).unwrap(), AuditLog::new(store, engine));
+    let (access, audit) = (Access::load(&AuthConfig::default()).unwrap(), AuditLog::new(store.clone(), engine));
     let layer = RpcLayer::new(metrics.clone(), &limits, access, audit, draining);
-    (folder, metrics, layer)
+    (folder, store, metrics, layer)
 }
 
 #[tokio::test]
 async fn a_panic_ends_its_call_and_no_other() {
     let limits = Limits { concurrent_requests: 1, ..Limits::default() };
-    let (_folder, metrics, layer) = layer_of(limits).await;
+    let (_folder, _, metrics, layer) = layer_of(limits).await;
     let request = || call("/");
     let at_once = tower::service_fn(|_: Request<Body>| -> std::future::Ready<Result<Response<Body>, Status>> {
         panic!("before there is a future")
@@ -78,7 +80,7 @@ impl http_body::Body for StreamBody {
 
 #[tokio::test]
 async fn a_call_ends_at_its_deadline_with_a_status_that_says_so() {
-    let (_folder, _, layer) = layer_of(Limits::default()).await;
+    let (_folder, _, _, layer) = layer_of(Limits::default()).await;
     tokio::time::pause();
     let endless = tower::service_fn(|_: Request<Body>| std::future::pending::<Result<Response<Body>, Status>>());
     let mut request = call("/");
@@ -96,7 +98,7 @@ async fn a_call_ends_at_its_deadline_with_a_status_that_says_so() {
 
 #[tokio::test]
 async fn a_request_that_is_no_call_is_not_looked_at() {
-    let (_folder, metrics, layer) = layer_of(Limits::default()).await;
+    let (_folder, _, metrics, layer) = layer_of(Limits::default()).await;
     let never = tower::service_fn(|_: Request<Body>| -> std::future::Ready<Result<Response<Body>, Status>> {
         panic!("it is called")
     });
@@ -113,7 +115,7 @@ async fn a_request_that_is_no_call_is_not_looked_at() {
 #[tokio::test]
 async fn a_change_is_done_to_its_end_and_logged_though_nobody_waits() {
     let limits = Limits { concurrent_requests: 1, ..Limits::default() };
-    let (_folder, _, layer) = layer_of(limits).await;
+    let (_folder, store, _, layer) = layer_of(limits).await;
     let (go, gone) = (Arc::new(Semaphore::new(0)), Arc::new(Semaphore::new(0)));
     let (waits, ends) = (go.clone(), gone.clone());
     let work = tower::service_fn(move |request: Request<Body>| {
@@ -127,8 +129,7 @@ async fn a_change_is_done_to_its_end_and_logged_though_nobody_waits() {
     });
     let mut answer = layer.layer(work).call(call("/feedwave.v1.Jobs/CancelJob"));
     // It has begun, and is given up.
-    let log = layer.audit.clone();
-    let entries = async || log.store().audit_after(0, &feedwave_store::AuditFilter::default(), 10).await.unwrap();
+    let entries = async || store.audit_after(0, &feedwave_store::AuditFilter::default(), 10).await.unwrap();
     while entries().await.is_empty() {
         assert!((&mut answer).now_or_never().is_none());
         tokio::task::yield_now().await;
@@ -148,20 +149,4 @@ async fn a_change_is_done_to_its_end_and_logged_though_nobody_waits() {
     };
     let result = entry.result.unwrap();
     assert_eq!((result.code.as_str(), result.resource.as_str()), ("OK", "jobs/1"));
-}
-
-#[tokio::test]
-async fn a_read_that_is_not_answered_ends_with_the_reason() {
-    let (_folder, _, layer) = layer_of(Limits::default()).await;
-    let never = tower::service_fn(|_: Request<Body>| std::future::pending::<Result<Response<Body>, Status>>());
-    tokio::time::pause();
-    let mut read = layer.layer(never).call(call("/feedwave.v1.Jobs/GetJob"));
-    // What computes takes as long as it does.
-    let mut computed = ["/feedwave.v1.Setpoints/GetPlanSummary", "/feedwave.v1.Runs/ReplayRun"]
-        .map(|path| layer.layer(never).call(call(path)));
-    assert!((&mut read).now_or_never().is_none());
-    assert!(computed.iter_mut().all(|answer| answer.now_or_never().is_none()));
-    tokio::time::advance(Duration::from_secs(60)).await;
-    assert_eq!(reason(read.await.unwrap().headers()), (Code::Unavailable, "STORE_UNAVAILABLE".to_owned()));
-    assert!(computed.iter_mut().all(|answer| answer.now_or_never().is_none()));
 }

@@ -24,6 +24,13 @@ pub(crate) enum Meaning {
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
         use sqlx::Error as E;
+        let error = match error {
+            E::AnyDriverError(source) => match source.downcast::<Self>() {
+                Ok(own) => return *own,
+                Err(source) => E::AnyDriverError(source),
+            },
+            error => error,
+        };
         let reason = match &error {
             E::Database(database) => {
                 let meaning = match database.try_downcast_ref::<PgDatabaseError>() {
@@ -47,6 +54,13 @@ impl From<sqlx::Error> for StoreError {
             _ => "it failed",
         };
         Self::Unavailable { reason, source: Some(Arc::new(error)) }
+    }
+}
+
+/// What stands between sqlx and its caller speaks of errors as sqlx does.
+impl From<StoreError> for sqlx::Error {
+    fn from(error: StoreError) -> Self {
+        Self::AnyDriverError(Box::new(error))
     }
 }
 

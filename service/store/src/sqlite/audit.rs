@@ -154,7 +154,7 @@ impl SqliteStore {
             sql.push(" AND principal = ").push_bind(principal);
         }
         sql.push(format!(" ORDER BY {column} LIMIT ")).push_bind(limit.min(MAX_AUDIT_ENTRIES));
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(entry).collect()
     }
 }

@@ -75,7 +75,7 @@ impl Checkpoints for SqliteStore {
         .bind(&set.generation_key)
         // No stored index is beyond, so the nearest stays the nearest.
         .bind(i64::try_from(setpoint_index).unwrap_or(i64::MAX))
-        .fetch_optional(&mut *self.reader().await?)
+        .fetch_optional(&mut self.reader().await?)
         .await?;
         match row {
             Some(row) => checkpoint(&row).await.map(Some),

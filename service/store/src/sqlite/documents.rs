@@ -1,7 +1,7 @@
 //! Machine profiles and tools in SQLite: two collections of one kind of document.
 
 use async_trait::async_trait;
-use sqlx::SqliteConnection;
+use sqlx::{SqliteConnection, SqliteExecutor};
 use uuid::Uuid;
 
 use super::SqliteStore;
@@ -13,7 +13,7 @@ use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, collectio
 use crate::sql::pages::page_of;
 use crate::tools::{ToolFilter, ToolRecord, Tools};
 
-async fn find(connection: &mut SqliteConnection, kind: Kind, id: &str) -> Result<Document> {
+async fn find(connection: impl SqliteExecutor<'_>, kind: Kind, id: &str) -> Result<Document> {
     let row = sqlx::query("SELECT * FROM documents WHERE collection = ? AND id = ?")
         .bind(collection(kind))
         .bind(id)
@@ -58,7 +58,7 @@ impl SqliteStore {
     }
 
     async fn get(&self, kind: Kind, id: &str) -> Result<Document> {
-        find(&mut *self.reader().await?, kind, id).await
+        find(&mut self.reader().await?, kind, id).await
     }
 
     async fn list<T, F>(&self, kind: Kind, number: Option<u32>, page: &PageRequest, record: F) -> Result<Page<T>>
@@ -78,7 +78,7 @@ impl SqliteStore {
         .bind(after)
         .bind(size as i64 + 1)
         .bind(number)
-        .fetch(&mut *reader);
+        .fetch(&mut reader);
         let token = |last: &Document| scope.token(last.id.as_bytes());
         let page = page_of(rows, size, Document::of, Document::bytes, token).await?;
         let items = page.items.into_iter().map(record).collect::<Result<Vec<_>>>()?;

@@ -16,6 +16,11 @@ mod code {
     pub(super) const NOTADB: i32 = 26;
 }
 
+/// Whether SQLite tells an error as damage of the file.
+pub(super) fn is_damage(error: &sqlx::Error) -> bool {
+    matches!(error, sqlx::Error::Database(error) if matches!(meaning(&**error), Meaning::Corrupt(_)))
+}
+
 /// What an error means.
 pub(crate) fn meaning(error: &dyn DatabaseError) -> Meaning {
     // Extended codes carry the primary code in their low byte.

@@ -1,11 +1,12 @@
 //! Jobs, their reports and events in SQLite.
 
 use async_trait::async_trait;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection, SqliteExecutor};
 use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::SqliteStore;
+use super::reader::Reader;
 use super::writer::Transaction;
 use crate::error::{Kind, Result, StoreError};
 use crate::jobs::{
@@ -31,7 +32,7 @@ macro_rules! job_query {
     };
 }
 
-async fn find_job(connection: &mut SqliteConnection, id: Uuid) -> Result<Job> {
+async fn find_job(connection: impl SqliteExecutor<'_>, id: Uuid) -> Result<Job> {
     let row = sqlx::query(job_query!("", "WHERE j.id = ?")).bind(id.to_string()).fetch_optional(connection).await?;
     job(&row.ok_or_else(|| missing(id))?)
 }
@@ -83,7 +84,7 @@ async fn insert_report(connection: &mut SqliteConnection, id: Uuid, report: Pack
 
 /// Between which numbers the jobs created from and before these times are, found by the index over times: the list itself
 /// goes by numbers. `None` where there are none.
-async fn bounds(connection: &mut SqliteConnection, filter: &JobFilter) -> Result<Option<(i64, i64)>> {
+async fn bounds(connection: &mut Reader<'_>, filter: &JobFilter) -> Result<Option<(i64, i64)>> {
     let (from, before) = (filter.created_from_us, filter.created_before_us);
     if from.is_none() && before.is_none() {
         return Ok(Some((0, i64::MAX)));
@@ -116,13 +117,13 @@ impl Jobs for SqliteStore {
     }
 
     async fn job(&self, id: Uuid) -> Result<Job> {
-        find_job(&mut *self.reader().await?, id).await
+        find_job(&mut self.reader().await?, id).await
     }
 
     async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
         let row = sqlx::query(job_query!(", j.machine_snapshot, j.settings", "WHERE j.id = ?"))
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?
             .ok_or_else(|| missing(id))?;
         detail(&row)
@@ -131,7 +132,7 @@ impl Jobs for SqliteStore {
     async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<Job>> {
         let row = sqlx::query(job_query!("", "WHERE j.request_id = ?"))
             .bind(tenant.key(request_id))
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         row.as_ref().map(job).transpose()
     }
@@ -165,7 +166,7 @@ impl Jobs for SqliteStore {
             sql.push(" AND +j.created_us < ").push_bind(before);
         }
         sql.push(" ORDER BY j.sequence DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch(&mut *reader);
+        let rows = sql.build().fetch(&mut reader);
         let token = |last: &Job| scope.sequence_token(last.sequence);
         page_of(rows, size, job, |job| job.summary.as_ref().map_or(0, |summary| summary.get().len()), token).await
     }
@@ -174,7 +175,7 @@ impl Jobs for SqliteStore {
         let mut sql = QueryBuilder::<Sqlite>::new("SELECT id FROM jobs WHERE state IN ");
         push_states(&mut sql, states);
         sql.push(" ORDER BY sequence LIMIT ").push_bind(limit);
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(|row| parsed(row, "id")).collect()
     }
 
@@ -187,7 +188,7 @@ impl Jobs for SqliteStore {
         if let Some(tenant) = &tenant {
             query = query.bind(tenant.name());
         }
-        let rows = query.fetch_all(&mut *self.reader().await?).await?;
+        let rows = query.fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(|row| Ok((parsed(row, "state")?, unsigned(row, "jobs")?))).collect()
     }
 
@@ -208,7 +209,7 @@ impl Jobs for SqliteStore {
     async fn report(&self, id: Uuid) -> Result<StoredReport> {
         let row = sqlx::query("SELECT * FROM validation_reports WHERE job_id = ?")
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         let Some(row) = row else {
             self.job(id).await?;
@@ -244,13 +245,13 @@ impl Jobs for SqliteStore {
             sql.push(" AND job_id = ").push_bind(id.to_string());
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(limit.min(MAX_EVENTS));
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(event).collect()
     }
 
     async fn newest_event(&self, tenant: Tenant) -> Result<i64> {
         let newest = sqlx::query_scalar("SELECT COALESCE(MAX(sequence), 0) FROM job_events WHERE tenant = ?");
-        Ok(newest.bind(tenant.name()).fetch_one(&mut *self.reader().await?).await?)
+        Ok(newest.bind(tenant.name()).fetch_one(&mut self.reader().await?).await?)
     }
 
     fn latest_sequence(&self) -> i64 {

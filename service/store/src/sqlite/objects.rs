@@ -16,7 +16,7 @@ impl SqliteStore {
     pub(super) async fn object_of(&self, content: i64) -> Result<Option<ObjectName>> {
         let row = sqlx::query("SELECT key, place FROM objects WHERE content_id = ?")
             .bind(content)
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         row.as_ref().map(object_name).transpose()
     }
@@ -24,7 +24,7 @@ impl SqliteStore {
     /// Lets go what an earlier process announced and did not take into use: the file is this one's, so nobody writes it.
     pub(super) async fn let_announced_go(&self) -> Result<()> {
         let announced = "SELECT EXISTS (SELECT 1 FROM objects WHERE content_id IS NULL AND leaving = 0)";
-        if !sqlx::query_scalar::<_, bool>(announced).fetch_one(&mut *self.reader().await?).await? {
+        if !sqlx::query_scalar::<_, bool>(announced).fetch_one(&mut self.reader().await?).await? {
             // Opening writes nothing where there is nothing to write.
             return Ok(());
         }
@@ -102,14 +102,14 @@ impl ObjectSteps for SqliteStore {
     }
 
     async fn has_objects_at(&self, place: &str) -> Result<bool> {
-        Ok(sqlx::query_scalar(HAS_OBJECTS).bind(place).fetch_one(&mut *self.reader().await?).await?)
+        Ok(sqlx::query_scalar(HAS_OBJECTS).bind(place).fetch_one(&mut self.reader().await?).await?)
     }
 
     async fn packed_chunk(&self, content: i64, index: u64) -> Result<Option<(i64, Vec<u8>)>> {
         let row = sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = ? AND chunk_index = ?")
             .bind(content)
             .bind(i64::try_from(index).unwrap_or(i64::MAX))
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         row.map(|row| Ok((row.try_get("source_bytes")?, row.try_get("data")?))).transpose()
     }
@@ -118,7 +118,7 @@ impl ObjectSteps for SqliteStore {
         let row = sqlx::query(PIECE_OF_PROGRAM)
             .bind(program.key())
             .bind(i64::try_from(index).unwrap_or(i64::MAX))
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         row.map(|row| Ok((object_name(&row)?, piece(&row)?))).transpose()
     }
@@ -158,7 +158,7 @@ impl ObjectSteps for SqliteStore {
         )
         .bind(before_us)
         .bind(LEFT_AT_MOST)
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         rows.iter().map(object_name).collect()
     }
@@ -168,7 +168,7 @@ impl ObjectSteps for SqliteStore {
             "SELECT content_id FROM objects AS o WHERE content_id IS NOT NULL
              AND EXISTS (SELECT 1 FROM program_chunks AS c WHERE c.content_id = o.content_id)",
         );
-        Ok(contents.fetch_all(&mut *self.reader().await?).await?)
+        Ok(contents.fetch_all(&mut self.reader().await?).await?)
     }
 
     async fn shed_chunks(&self, content: i64) -> Result<()> {

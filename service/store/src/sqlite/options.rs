@@ -40,6 +40,8 @@ pub(crate) struct SqliteOptions {
     pub(crate) readers: u32,
     /// How long to wait for a lock held by another process, or for a free reader.
     pub(crate) busy_timeout: Duration,
+    /// How long a read may take to answer: a disk that has not by then may never do.
+    pub(crate) read_timeout: Duration,
     /// Free space of the disk that is kept for removing records, bytes; where none is stated, [`DEFAULT_HEADROOM`].
     pub(crate) headroom: Option<u64>,
 }
@@ -50,7 +52,13 @@ pub(crate) const DEFAULT_HEADROOM: u64 = 64 << 20;
 impl SqliteOptions {
     /// This file, used in the default manner.
     pub(crate) fn new(path: impl Into<PathBuf>) -> Self {
-        Self { path: path.into(), readers: 4, busy_timeout: Duration::from_secs(5), headroom: None }
+        Self {
+            path: path.into(),
+            readers: 4,
+            busy_timeout: Duration::from_secs(5),
+            read_timeout: Duration::from_secs(45),
+            headroom: None,
+        }
     }
 
     /// The URI of the file.
@@ -82,10 +90,11 @@ impl SqliteOptions {
             match &*key {
                 "readers" => options.readers = number(&key, &value, 1, 64)?,
                 "busy_timeout_s" => options.busy_timeout = Duration::from_secs(number(&key, &value, 0, 3_600)?.into()),
+                "read_timeout_s" => options.read_timeout = Duration::from_secs(number(&key, &value, 1, 3_600)?.into()),
                 "headroom_mib" => options.headroom = Some(u64::from(number(&key, &value, 0, 1 << 30)?) << 20),
                 _ => {
                     return Err(InvalidStoreUri::new(format!(
-                        "the option {key:?} is unknown, known are: readers, busy_timeout_s, headroom_mib (a ? in a path is written %3F)"
+                        "the option {key:?} is unknown, known are: readers, busy_timeout_s, read_timeout_s, headroom_mib (a ? in a path is written %3F)"
                     )));
                 }
             }

@@ -26,6 +26,6 @@ impl Presences for SqliteStore {
     }
 
     async fn machines_mark(&self) -> Result<[i64; 3]> {
-        machines_mark(&sqlx::query(MACHINES_MARK).fetch_one(&mut *self.reader().await?).await?)
+        machines_mark(&sqlx::query(MACHINES_MARK).fetch_one(&mut self.reader().await?).await?)
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use bytes::Bytes;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection, SqliteExecutor};
 
 use super::SqliteStore;
 use super::objects::use_object;
@@ -64,7 +64,7 @@ pub(super) async fn insert_content(connection: &mut SqliteConnection) -> Result<
     Ok(sqlx::query_scalar("INSERT INTO contents DEFAULT VALUES RETURNING id").fetch_one(connection).await?)
 }
 
-pub(super) async fn find_program(connection: &mut SqliteConnection, id: ProgramId) -> Result<Option<ProgramInfo>> {
+pub(super) async fn find_program(connection: impl SqliteExecutor<'_>, id: ProgramId) -> Result<Option<ProgramInfo>> {
     let row = sqlx::query("SELECT id, size_bytes, chunk_count, created_us FROM programs WHERE id = ?")
         .bind(id.key())
         .fetch_optional(connection)
@@ -102,7 +102,7 @@ impl SqliteStore {
         let row = sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = ? AND chunk_index = ?")
             .bind(content)
             .bind(i64::try_from(index).unwrap_or(i64::MAX))
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         match row {
             Some(row) => chunk_source(&row).await.map(Some),
@@ -138,7 +138,7 @@ impl SqliteStore {
              WHERE NOT EXISTS (SELECT 1 FROM programs WHERE content_id = c.id)
                AND NOT EXISTS (SELECT 1 FROM uploads WHERE content_id = c.id)",
         )
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         for content in orphans {
             self.remove_rows(content).await?;
@@ -190,7 +190,7 @@ impl Programs for SqliteStore {
         check_size("program size in bytes", source.len(), self.settings().max_program_bytes.min(MAX_PUT_BYTES))?;
         let hashed = source.clone();
         let id = offload(source.len(), move || Ok(ProgramId::of(&hashed).of_tenant(tenant))).await?;
-        if let Some(info) = find_program(&mut *self.reader().await?, id).await? {
+        if let Some(info) = find_program(&mut self.reader().await?, id).await? {
             return Ok(info);
         }
         let size_bytes = source.len() as u64;
@@ -227,14 +227,14 @@ impl Programs for SqliteStore {
     }
 
     async fn program_info(&self, id: ProgramId) -> Result<ProgramInfo> {
-        let info = find_program(&mut *self.reader().await?, id).await?;
+        let info = find_program(&mut self.reader().await?, id).await?;
         info.ok_or_else(|| StoreError::not_found(Kind::Program, id))
     }
 
     async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry> {
         let row = sqlx::query(entry_query!("WHERE p.id = ?"))
             .bind(id.key())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         program_entry(&row.ok_or_else(|| StoreError::not_found(Kind::Program, id))?)
     }
@@ -260,7 +260,7 @@ impl Programs for SqliteStore {
         }
         sql.push(" ORDER BY p.sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let mut reader = self.reader().await?;
-        let rows = sql.build().fetch(&mut *reader);
+        let rows = sql.build().fetch(&mut reader);
         let token = |last: &ProgramEntry| scope.sequence_token(last.sequence);
         page_of(rows, size, program_entry, |program| program.file_name.len(), token).await
     }
@@ -288,7 +288,7 @@ impl Programs for SqliteStore {
         )
         .bind(id.key())
         .bind(i64::try_from(chunk_index).unwrap_or(i64::MAX))
-        .fetch_optional(&mut *self.reader().await?)
+        .fetch_optional(&mut self.reader().await?)
         .await?;
         match row {
             Some(row) => chunk_source(&row).await,

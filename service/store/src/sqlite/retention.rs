@@ -22,7 +22,7 @@ impl SqliteStore {
             SELECT (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM upload_tails)
             + (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM program_chunks WHERE content_id IN new)
             + (SELECT COALESCE(SUM(size_bytes), 0) FROM objects WHERE content_id IN new)";
-        let bytes: i64 = sqlx::query_scalar(sql).bind(since_us).fetch_one(&mut *self.reader().await?).await?;
+        let bytes: i64 = sqlx::query_scalar(sql).bind(since_us).fetch_one(&mut self.reader().await?).await?;
         Ok(bytes.unsigned_abs())
     }
 
@@ -32,7 +32,7 @@ impl SqliteStore {
             "SELECT COALESCE(SUM(pages.pgsize), 0) FROM sqlite_schema AS tree JOIN dbstat AS pages ON pages.name = tree.name
                 WHERE tree.tbl_name IN ('audit_entries', 'job_events') AND pages.aggregate = TRUE",
         )
-        .fetch_one(&mut *self.reader().await?)
+        .fetch_one(&mut self.reader().await?)
         .await?;
         Ok(bytes.unsigned_abs())
     }
@@ -41,7 +41,7 @@ impl SqliteStore {
 #[async_trait]
 impl RetentionSteps for SqliteStore {
     async fn number(&self, sql: String, parameter: i64) -> Result<i64> {
-        Ok(sqlx::query_scalar(AssertSqlSafe(sql)).bind(parameter).fetch_one(&mut *self.reader().await?).await?)
+        Ok(sqlx::query_scalar(AssertSqlSafe(sql)).bind(parameter).fetch_one(&mut self.reader().await?).await?)
     }
 
     async fn ids(&self, sql: String, parameter: Parameter<'_>) -> Result<Vec<String>> {
@@ -50,7 +50,7 @@ impl RetentionSteps for SqliteStore {
             Parameter::Text(text) => query.bind(text),
             Parameter::Integer(number) => query.bind(number),
         };
-        Ok(query.fetch_all(&mut *self.reader().await?).await?)
+        Ok(query.fetch_all(&mut self.reader().await?).await?)
     }
 
     async fn change(&self, sql: String, parameter: i64) -> Result<u64> {
@@ -74,7 +74,7 @@ impl RetentionSteps for SqliteStore {
                 (SELECT page_count FROM pragma_page_count) - (SELECT freelist_count FROM pragma_freelist_count) AS pages,
                 (SELECT page_size FROM pragma_page_size) AS bytes",
         )
-        .fetch_one(&mut *self.reader().await?)
+        .fetch_one(&mut self.reader().await?)
         .await?;
         let [pages, bytes, objects] =
             [row.try_get::<i64, _>("pages")?, row.try_get("bytes")?, row.try_get("objects")?].map(i64::unsigned_abs);
@@ -89,7 +89,7 @@ impl RetentionSteps for SqliteStore {
     async fn give_back(&self) -> Result<()> {
         loop {
             let free = "SELECT freelist_count FROM pragma_freelist_count";
-            let before: i64 = sqlx::query_scalar(free).fetch_one(&mut *self.reader().await?).await?;
+            let before: i64 = sqlx::query_scalar(free).fetch_one(&mut self.reader().await?).await?;
             self.write(0, move |tx| {
                 Box::pin(async move {
                     let sql = format!("PRAGMA incremental_vacuum({PAGES})");
@@ -98,7 +98,7 @@ impl RetentionSteps for SqliteStore {
                 })
             })
             .await?;
-            let after: i64 = sqlx::query_scalar(free).fetch_one(&mut *self.reader().await?).await?;
+            let after: i64 = sqlx::query_scalar(free).fetch_one(&mut self.reader().await?).await?;
             if after == 0 || after >= before {
                 return Ok(());
             }

@@ -8,7 +8,7 @@ use std::ops::Range;
 use async_trait::async_trait;
 use bytes::Bytes;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection, SqliteExecutor};
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -63,12 +63,12 @@ macro_rules! run_query {
     };
 }
 
-async fn find_run(connection: &mut SqliteConnection, id: Uuid) -> Result<Run> {
+async fn find_run(connection: impl SqliteExecutor<'_>, id: Uuid) -> Result<Run> {
     let row = sqlx::query(run_query!("WHERE id = ?")).bind(id.to_string()).fetch_optional(connection).await?;
     run(&row.ok_or_else(|| missing(id))?)
 }
 
-async fn find_overrides(connection: &mut SqliteConnection, id: Uuid) -> Result<Vec<RunOverride>> {
+async fn find_overrides(connection: impl SqliteExecutor<'_>, id: Uuid) -> Result<Vec<RunOverride>> {
     let rows = sqlx::query("SELECT * FROM run_overrides WHERE run_id = ? ORDER BY number")
         .bind(id.to_string())
         .fetch_all(connection)
@@ -132,7 +132,7 @@ impl Runs for SqliteStore {
         let row =
             sqlx::query("SELECT m.config FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = ?")
                 .bind(job_id.to_string())
-                .fetch_optional(&mut *reader)
+                .fetch_optional(&mut reader)
                 .await?
                 .ok_or_else(|| StoreError::not_found(Kind::Job, job_id))?;
         let config: Option<String> = row.try_get("config")?;
@@ -198,7 +198,7 @@ impl Runs for SqliteStore {
     }
 
     async fn run(&self, id: Uuid) -> Result<Run> {
-        find_run(&mut *self.reader().await?, id).await
+        find_run(&mut self.reader().await?, id).await
     }
 
     async fn list_runs(&self, tenant: Option<Tenant>, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
@@ -216,7 +216,7 @@ impl Runs for SqliteStore {
         }
         sql.push(" ORDER BY sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let mut reader = self.reader().await?;
-        let rows = sql.build().fetch(&mut *reader);
+        let rows = sql.build().fetch(&mut reader);
         let token = |last: &Run| scope.sequence_token(last.sequence);
         page_of(rows, size, run, |run| run.settings.get().len(), token).await
     }
@@ -225,7 +225,7 @@ impl Runs for SqliteStore {
         let rows = sqlx::query("SELECT * FROM run_conditions WHERE run_id = ? ORDER BY decision_number LIMIT ?")
             .bind(id.to_string())
             .bind(MAX_LISTED)
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(condition).collect()
     }
@@ -283,23 +283,23 @@ impl Runs for SqliteStore {
             sql.push(" AND EXISTS (SELECT 1 FROM runs AS r WHERE r.id = c.run_id AND r.tenant = ");
             sql.push_bind(tenant.name().to_owned()).push(")");
         }
-        unsigned(&sql.build().fetch_one(&mut *self.reader().await?).await?, "open")
+        unsigned(&sql.build().fetch_one(&mut self.reader().await?).await?, "open")
     }
 
     async fn open_conditions(&self, limit: u32) -> Result<Vec<OpenCondition>> {
-        let rows = sqlx::query(open_conditions_query!("?")).bind(limit).fetch_all(&mut *self.reader().await?).await?;
+        let rows = sqlx::query(open_conditions_query!("?")).bind(limit).fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(open_condition).collect()
     }
 
     async fn machine_runs(&self) -> Result<Vec<MachineRuns>> {
-        let rows = sqlx::query(MACHINE_RUNS).fetch_all(&mut *self.reader().await?).await?;
+        let rows = sqlx::query(MACHINE_RUNS).fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(machine_runs).collect()
     }
 
     async fn last_decision(&self, id: Uuid) -> Result<Option<DecisionRecord>> {
         let row = sqlx::query("SELECT * FROM decisions WHERE run_id = ? ORDER BY number DESC LIMIT 1")
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         row.as_ref().map(decision).transpose()
     }
@@ -307,11 +307,11 @@ impl Runs for SqliteStore {
     async fn last_decisions_of(&self, id: Uuid, action: &str, most: u32) -> Result<Vec<DecisionRecord>> {
         let sql = "SELECT * FROM decisions WHERE run_id = ? AND action = ? ORDER BY number DESC LIMIT ?";
         let query = sqlx::query(sql).bind(id.to_string()).bind(action).bind(i64::from(most));
-        query.fetch_all(&mut *self.reader().await?).await?.iter().map(decision).collect()
+        query.fetch_all(&mut self.reader().await?).await?.iter().map(decision).collect()
     }
 
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
-        find_overrides(&mut *self.reader().await?, id).await
+        find_overrides(&mut self.reader().await?, id).await
     }
 
     async fn put_run_checkpoint(
@@ -341,14 +341,14 @@ impl Runs for SqliteStore {
         let rows = sqlx::query("SELECT * FROM telemetry_gaps WHERE run_id = ? ORDER BY first_batch LIMIT ?")
             .bind(id.to_string())
             .bind(MAX_LISTED)
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(gap).collect()
     }
 
     async fn recorded_cuts(&self, id: Uuid) -> Result<Vec<RecordedCutHead>> {
         let sql = "SELECT number, at_us, head FROM recorded_cuts WHERE run_id = ? ORDER BY number LIMIT ?";
-        let rows = sqlx::query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&mut *self.reader().await?).await?;
+        let rows = sqlx::query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(recorded_cut_head).collect()
     }
 
@@ -357,7 +357,7 @@ impl Runs for SqliteStore {
         let row = sqlx::query(sql)
             .bind(id.to_string())
             .bind(signed("number of a recorded cut", number)?)
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         let missing = || StoreError::not_found(Kind::RecordedCut, format!("{id}/{number}"));
         recorded_cut(&row.ok_or_else(missing)?).await
@@ -376,7 +376,7 @@ impl Runs for SqliteStore {
             sql.push(" AND job_id = ").push_bind(id.to_string());
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(limit.min(MAX_DECISIONS));
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(decision).collect()
     }
 

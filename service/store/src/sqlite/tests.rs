@@ -34,7 +34,7 @@ async fn note(store: &SqliteStore, text: &'static str) -> Result<(), StoreError>
 
 async fn notes(store: &SqliteStore) -> Vec<String> {
     let mut reader = store.reader().await.unwrap();
-    let rows = sqlx::query("SELECT text FROM notes ORDER BY rowid").fetch_all(&mut *reader).await.unwrap();
+    let rows = sqlx::query("SELECT text FROM notes ORDER BY rowid").fetch_all(&mut reader).await.unwrap();
     rows.iter().map(|row| row.get("text")).collect()
 }
 
@@ -53,22 +53,17 @@ async fn create_notes(store: &SqliteStore) {
 #[tokio::test]
 async fn connections_keep_what_the_store_promises() {
     let (_folder, store) = store(StoreSettings::default()).await;
-    async fn pragmas(connection: &mut sqlx::SqliteConnection) -> (String, [i64; 3]) {
-        let mode = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut *connection).await.unwrap();
-        let mut values = [0; 3];
-        for (value, pragma) in
-            values.iter_mut().zip(["PRAGMA synchronous", "PRAGMA foreign_keys", "PRAGMA busy_timeout"])
-        {
-            *value = sqlx::query_scalar(pragma).fetch_one(&mut *connection).await.unwrap();
-        }
-        (mode, values)
+    async fn pragmas(connection: impl sqlx::SqliteExecutor<'_>) -> (String, i64, i64, i64) {
+        let sql = "SELECT journal_mode, synchronous, foreign_keys, timeout
+            FROM pragma_journal_mode, pragma_synchronous, pragma_foreign_keys, pragma_busy_timeout";
+        sqlx::query_as(sql).fetch_one(connection).await.unwrap()
     }
-    let expected = ("wal".to_owned(), [2, 1, 5000]);
+    let expected = ("wal".to_owned(), 2, 1, 5000);
     let writer = store.write(0, |tx| Box::pin(async { Ok(pragmas(&mut tx.connection).await) })).await.unwrap();
     assert_eq!(writer, expected);
     let mut reader = store.reader().await.unwrap();
     assert_eq!(pragmas(&mut reader).await, expected);
-    let written = sqlx::query("DELETE FROM jobs").execute(&mut *reader).await;
+    let written = sqlx::query("DELETE FROM jobs").execute(&mut reader).await;
     assert!(written.is_err(), "a reader cannot write");
 }
 
@@ -121,7 +116,7 @@ async fn lists_are_read_by_index() {
             "decisions_by_job",
         ),
     ] {
-        let plan = sqlx::query(sql).fetch_all(&mut *reader).await.unwrap();
+        let plan = sqlx::query(sql).fetch_all(&mut reader).await.unwrap();
         let plan: Vec<String> = plan.iter().map(|row| row.get("detail")).collect();
         assert!(plan[0].contains(index), "{plan:?}");
         assert!(!plan.iter().any(|step| step.contains("TEMP B-TREE")), "{plan:?}");

@@ -22,7 +22,7 @@ use crate::sql::uploads::{NewUpload, Unfinished, UploadSteps};
 impl SqliteStore {
     pub(super) async fn all_uploads(&self) -> Result<Vec<UploadInfo>> {
         let rows =
-            sqlx::query("SELECT * FROM uploads ORDER BY content_id").fetch_all(&mut *self.reader().await?).await?;
+            sqlx::query("SELECT * FROM uploads ORDER BY content_id").fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(upload_info).collect()
     }
 }
@@ -36,7 +36,7 @@ impl UploadSteps for SqliteStore {
     async fn find_upload(&self, id: UploadId) -> Result<(i64, UploadInfo)> {
         let row = sqlx::query("SELECT * FROM uploads WHERE id = ?")
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?
             .ok_or_else(|| missing_upload(id))?;
         Ok((row.try_get("content_id")?, upload_info(&row)?))
@@ -52,7 +52,7 @@ impl UploadSteps for SqliteStore {
         )
         .bind(id.to_string())
         .bind(before)
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         Ok(pieces)
     }
@@ -60,7 +60,7 @@ impl UploadSteps for SqliteStore {
     async fn untouched_since(&self, before_us: i64) -> Result<Vec<UploadId>> {
         let rows = sqlx::query("SELECT id FROM uploads WHERE updated_us < ?")
             .bind(before_us)
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(|row| parsed(row, "id")).collect()
     }

@@ -25,7 +25,7 @@ impl Validations for SqliteStore {
         )
         .bind(after)
         .bind(limit)
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         rows.iter().map(waiting).collect()
     }

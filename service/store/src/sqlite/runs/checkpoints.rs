@@ -72,7 +72,7 @@ pub(super) async fn nearest(
     .bind(generation_key)
     // No stored index is beyond, so the nearest stays the nearest.
     .bind(i64::try_from(setpoint_index).unwrap_or(i64::MAX))
-    .fetch_optional(&mut *store.reader().await?)
+    .fetch_optional(&mut store.reader().await?)
     .await?;
     match row {
         Some(row) => checkpoint(&row).await.map(Some),
@@ -86,7 +86,7 @@ pub(super) async fn marks(store: &SqliteStore, id: Uuid) -> Result<Vec<RunMark>>
         "SELECT setpoint_index, digest_state FROM run_checkpoints WHERE run_id = ? ORDER BY setpoint_index",
     )
     .bind(id.to_string())
-    .fetch_all(&mut *store.reader().await?)
+    .fetch_all(&mut store.reader().await?)
     .await?;
     rows.iter().map(mark).collect()
 }
