@@ -70,7 +70,19 @@ async fn a_service_without_clients_is_reached_by_its_own_names_alone() {
     let (web, grpc) = (server.web(), Web::new(server.grpc));
     let jobs = async |host: &str| web.send("GET", "/v1/jobs", &[("host", host)], Bytes::new()).await;
     let list = async |host: &str| reason_of_call(&grpc, "/feedwave.v1.Jobs/ListJobs", &[("host", host)]).await;
-    for host in ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "localhost.evil.example"] {
+    for host in [
+        "evil.example",
+        "evil.example:8080",
+        "127.0.0.1.evil.example",
+        "localhost.evil.example",
+        // No host of HTTP, and one of browsers.
+        "a{b.evil.example",
+        "a`b.evil.example",
+        "a%62.evil.example",
+        "[::1].evil.example",
+        "evil.example:80:80",
+        "cell-5",
+    ] {
         let answer = jobs(host).await;
         assert_eq!(answer.status, 403, "{host}");
         assert!(answer.text().contains("HOST_DENIED"), "{}", answer.text());
@@ -80,6 +92,13 @@ async fn a_service_without_clients_is_reached_by_its_own_names_alone() {
         assert_eq!(jobs(host).await.status, 200, "{host}");
         assert!(!list(host).await.contains("auth.hosts"), "{host}");
     }
+    // Who tried is in the audit log.
+    let log = web.get("/v1/audit").await;
+    let refused: serde_json::Value = serde_json::from_slice(&log.body).expect("JSON");
+    let refused =
+        refused["entries"].as_array().expect("entries").iter().filter(|it| it["result"] == "PERMISSION_DENIED");
+    let methods: Vec<_> = refused.map(|entry| entry["method"].as_str().unwrap_or_default()).collect();
+    assert!(methods.contains(&"GET /v1/jobs") && methods.iter().any(|it| it.ends_with("ListJobs")), "{methods:?}");
     // Probes are for everybody.
     let health = web.send("GET", "/healthz", &[("host", "evil.example")], Bytes::new()).await;
     assert_eq!(health.status, 200);

@@ -248,7 +248,7 @@ impl Block {
                     self.comment = (token.start, token.end);
                     self.check_comment(line, token, table, findings);
                 }
-                TokenKind::Computed | TokenKind::Assignment => {
+                TokenKind::Computed | TokenKind::ComputedCorner | TokenKind::Assignment => {
                     self.read_computed(line, token, table, system, findings);
                     if self.has_failed {
                         return;

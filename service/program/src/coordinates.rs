@@ -16,7 +16,10 @@ pub use self::initial::InitialOffsets;
 pub use self::system::{UnknownWorkSystem, WorkOffset, WorkSystem};
 pub(crate) use self::transform::{Rotation, Scaling, Transform, direction};
 
-use crate::{AXIS_COUNT, AxisSet, DialectName, LanguageSettings, Plane, Position, ToolOffset};
+use crate::{AXIS_COUNT, Axis, AxisSet, DialectName, LanguageSettings, Plane, Position, ToolOffset};
+
+/// Machine positions that are closer than this are the same one, mm.
+const SAME_PLACE_MM: f64 = 1e-9;
 
 /// Registers of offsets, and what follows from them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,7 +40,28 @@ pub(crate) struct Coordinates {
     pub(crate) polar: Option<Polar>,
     /// A rotation was switched, and no move in the plane has followed.
     pub(crate) awaits_absolute: bool,
+    /// What the tool's offset changed by, until the axes have moved.
+    pub(crate) due: Option<Box<OffsetDue>>,
     pub(crate) tables: Box<Tables>,
+}
+
+/// A change of the tool's length or offset.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct OffsetDue {
+    /// Axes that have not been named since.
+    pub(crate) axes: AxisSet,
+    /// By how much it changed, mm.
+    pub(crate) change: Position,
+    /// Where the machine was then.
+    pub(crate) machine: Position,
+}
+
+impl OffsetDue {
+    /// Whether an axis has not moved since, with the machine at this place.
+    pub(crate) fn is_due(&self, axis: Axis, machine: &Position) -> bool {
+        let place = axis.index();
+        self.axes.contains(axis) && (machine[place] - self.machine[place]).abs() < SAME_PLACE_MM
+    }
 }
 
 /// Registers that few programs change.
@@ -116,6 +140,7 @@ impl Coordinates {
             transform: None,
             polar: None,
             awaits_absolute: false,
+            due: None,
             tables: Box::new(tables),
         }
     }

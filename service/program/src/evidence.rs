@@ -138,7 +138,9 @@ impl Evidence {
             let (start, end) = (token.start as usize, token.end as usize);
             let is_torn = core::mem::replace(&mut torn_at, u32::MAX) == token.start;
             match token.kind {
-                TokenKind::Word | TokenKind::Computed | TokenKind::Corner if !is_torn => words += 1,
+                TokenKind::Word | TokenKind::Computed | TokenKind::Corner | TokenKind::ComputedCorner if !is_torn => {
+                    words += 1
+                }
                 TokenKind::Output => words += 1,
                 TokenKind::Assignment if is_parameter(&line[start..]) => words += 1,
                 TokenKind::Statement if is_condition(&line[start..]) => words += 2,

@@ -59,6 +59,8 @@ pub enum TokenKind {
     Statement,
     /// A comma with a word behind it: `,R5`, `,C2`.
     Corner,
+    /// The same with an expression: `,R#1`, `,C[#1/2]`.
+    ComputedCorner,
     /// `@` or `^` with a value: polar coordinates of LinuxCNC.
     Polar,
     /// A run of NUL bytes.
@@ -205,6 +207,16 @@ impl<'a> Lexer<'a> {
         Some((upper(self.line[letter]), scan))
     }
 
+    /// The letter of a word behind a comma whose value is an expression, and where that ends.
+    fn computed_corner(&self, start: usize) -> Option<(u8, usize)> {
+        let letter = start + 1;
+        if self.line[start] != b',' || self.class_at(letter) != Some(Class::Letter) {
+            return None;
+        }
+        let value = self.skip_class(letter + 1, Class::Blank);
+        starts_value(self.line, value).then(|| (upper(self.line[letter]), value_end(self.line, value)))
+    }
+
     /// Behind `@` or `^` and its value.
     #[cold]
     fn polar(&self, start: usize) -> usize {
@@ -309,6 +321,11 @@ impl Iterator for Lexer<'_> {
             Class::Other if let Some((letter, Scan { end, number, defect: None })) = self.corner(start) => {
                 self.at = end;
                 return Some(Token { kind: TokenKind::Corner, letter, number, start: start as u32, end: end as u32 });
+            }
+            Class::Other if let Some((letter, end)) = self.computed_corner(start) => {
+                self.at = end;
+                let (start, end) = (start as u32, end as u32);
+                return Some(Token { kind: TokenKind::ComputedCorner, letter, number: Number::ZERO, start, end });
             }
             Class::Other if matches!(self.line[start], b'@' | b'^') => (TokenKind::Polar, self.polar(start)),
             Class::Other | Class::Blank => (TokenKind::Unexpected, self.skip_class(start + 1, Class::Other)),

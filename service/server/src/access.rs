@@ -15,6 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 pub use caller::Caller;
 use feedwave_contract::names::TENANT_HEADER;
 use feedwave_store::Tenant;
+use http::uri::Authority;
 use http::{HeaderMap, header};
 use jiff::Timestamp;
 use known::KnownClients;
@@ -39,6 +40,17 @@ pub enum Role {
     /// Does everything: machines and tools as well.
     Admin,
 }
+
+/// The host of an authority that is nothing but a host, and a port where there is one.
+fn host_of(authority: Option<&Authority>) -> Option<&str> {
+    let authority = authority?;
+    let port = authority.as_str().strip_prefix(authority.host())?;
+    let is_port = |port: &str| port.bytes().all(|byte| byte.is_ascii_digit());
+    (port.is_empty() || port.strip_prefix(':').is_some_and(is_port)).then_some(authority.host())
+}
+
+/// Ends of names that the public DNS does not have: a page of another site cannot be called so.
+const DOMAINS_OF_NETWORKS: [&str; 4] = ["local", "internal", "lan", "svc"];
 
 impl Role {
     /// As it is written in the file of clients.
@@ -246,9 +258,9 @@ impl Access {
         Ok(true)
     }
 
-    /// Refuses a host by whose name a page of another site may reach the service through a browser on the same computer (DNS
-    /// rebinding), where clients need not say who they are: what comes from the computer itself is for localhost, an address,
-    /// or a host that the configuration names.
+    /// Refuses a host by whose name a page of another site may reach the service through a browser that can reach it (DNS rebinding),
+    /// where clients need not say who they are: what is asked has to be localhost, an address, or a host that the configuration names.
+    /// Other computers may ask for names that the public DNS does not have as well.
     ///
     /// # Errors
     /// [`Error::HostDenied`].
@@ -270,17 +282,26 @@ impl Access {
     /// # Errors
     /// [`Error::HostDenied`].
     pub(crate) fn check_name<B>(&self, request: &http::Request<B>, connection: Option<&Arc<Connection>>) -> Result<()> {
-        if !connection.is_some_and(|connection| connection.address().is_loopback()) {
-            return Ok(());
-        }
-        let header = || request.headers().get(header::HOST)?.to_str().ok()?.parse().ok();
-        let Some(authority) = request.uri().authority().cloned().or_else(header) else { return Ok(()) };
-        let host = authority.host().trim_matches(['[', ']']).trim_end_matches('.').to_ascii_lowercase();
-        let is_local = host == "localhost" || host.ends_with(".localhost") || host.parse::<std::net::IpAddr>().is_ok();
-        if is_local || self.inner.hosts.iter().any(|known| known.eq_ignore_ascii_case(&host)) {
-            return Ok(());
-        }
-        Err(Error::HostDenied)
+        let is_from_here = connection.is_none_or(|connection| connection.address().is_loopback());
+        let written = request.headers().get_all(header::HOST).iter().map(|host| host.to_str().ok()?.parse().ok());
+        let mut asked = request.uri().authority().cloned().map(Some).into_iter().chain(written);
+        // What cannot be read may be read by a browser.
+        let is_own = |authority: Option<Authority>| {
+            host_of(authority.as_ref()).is_some_and(|host| self.is_own_name(host, is_from_here))
+        };
+        if asked.all(is_own) { Ok(()) } else { Err(Error::HostDenied) }
+    }
+
+    /// Whether no other site can have this name.
+    fn is_own_name(&self, host: &str, is_from_here: bool) -> bool {
+        let host = host.trim_end_matches('.').to_ascii_lowercase();
+        let address = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(&host);
+        let last = host.rsplit('.').next().unwrap_or_default();
+        let is_of_network = last == host || DOMAINS_OF_NETWORKS.contains(&last) || host.ends_with(".home.arpa");
+        last == "localhost"
+            || is_of_network && !is_from_here
+            || address.parse::<std::net::IpAddr>().is_ok()
+            || self.inner.hosts.iter().any(|known| known.eq_ignore_ascii_case(&host))
     }
 
     /// Asks for the keys of the identity provider again and again, where they are behind a URL.

@@ -101,11 +101,9 @@ struct Guard {
 async fn guarded(State(guard): State<Guard>, mut request: Request, next: Next) -> Response {
     let connection = request.extensions().get::<Arc<Connection>>().cloned();
     let needs = of_route(guard.route);
-    if let Err(error) = guard.access.check_host(needs, &request, connection.as_ref()) {
-        return HttpError(error).into_response();
-    }
+    let named = guard.access.check_host(needs, &request, connection.as_ref());
     let (caller, verdict) = guard.access.authorize(needs, request.headers_mut(), connection.as_ref()).await;
-    match verdict {
+    match named.and(verdict) {
         Ok(()) => {
             request.extensions_mut().insert(caller);
             next.run(request).await

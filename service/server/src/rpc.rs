@@ -198,14 +198,12 @@ impl RpcLayer {
     {
         let (needs, effect) = of_method(request.uri().path());
         let connection = call.connection.clone();
-        if let Err(error) = self.access.check_host(needs, &request, connection.as_ref()) {
-            return Ok(error.into_answer());
-        }
+        let named = self.access.check_host(needs, &request, connection.as_ref());
         let (caller, verdict) = self.access.authorize(needs, request.headers_mut(), connection.as_ref()).await;
         let id = request.extensions().get::<RequestId>().map(|id| id.header_value().clone());
         let id = id.as_ref().and_then(|id| id.to_str().ok()).unwrap_or_default();
         let asked = asked(&caller, call.method, id);
-        if let Err(error) = verdict {
+        if let Err(error) = named.and(verdict) {
             if matches!(error.code(), Code::Unauthenticated | Code::PermissionDenied) {
                 self.audit.denied(asked, &caller, &error).await;
             }

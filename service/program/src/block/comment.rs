@@ -36,7 +36,11 @@ impl Block {
                 },
             };
             match token.kind {
-                TokenKind::Word | TokenKind::Computed | TokenKind::Assignment | TokenKind::Corner => words += 1,
+                TokenKind::Word
+                | TokenKind::Computed
+                | TokenKind::Assignment
+                | TokenKind::Corner
+                | TokenKind::ComputedCorner => words += 1,
                 // With numbers: `GOTO 10`, `IF [#1 EQ 2]`; without, it is prose.
                 TokenKind::Statement if block[token.start as usize..].iter().any(u8::is_ascii_digit) => {
                     words += 1;

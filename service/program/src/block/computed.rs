@@ -107,10 +107,18 @@ impl Block {
             }
             return;
         }
-        let result = computed(line, token, table, system, &mut context);
+        let is_corner = token.kind == TokenKind::ComputedCorner;
+        // The word itself is behind the comma.
+        let word = Token { start: token.start + u32::from(is_corner), ..token };
+        let result = computed(line, word, table, system, &mut context);
         self.note(&context.notes, findings);
         self.assignments = made;
         match result {
+            Ok(Some(number)) if is_corner => {
+                self.add_comma_word(line, Token { kind: TokenKind::Corner, number, ..token }, table, findings);
+            }
+            // A corner of no size is none.
+            Ok(None) if is_corner => {}
             Ok(Some(number)) => self.add_word(Token { kind: TokenKind::Word, number, ..token }, table, findings),
             // A vacant value: the word is not there.
             Ok(None) if is_wanted(token.letter, system.state) => self.refuse_vacant(token, findings),

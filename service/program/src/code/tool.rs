@@ -25,6 +25,13 @@ crate::finding_codes! {
         example: mill("G0 Z200\nG1 G43 H1 Z190 F100"),
     }
 
+    "PRG-LENGTH-INCREMENT" [LENGTH_INCREMENT: Error] {
+        meaning: "an incremental word is the first of its axis since the tool offset changed",
+        cause: "FANUC mills add the change of a length to the next move of its axis, incremental ones as well. Lathes that shift the                 coordinates by the offset move by the word alone, and so may other controls.",
+        cure: "Let an absolute word of the axis come first.",
+        example: on("mill, language.coordinates.style = COORDINATE_STYLE_HAAS", "G43 H1\nG91 G0 Z10"),
+    }
+
     "PRG-TOOL-LENGTH" [TOOL_LENGTH: Error] {
         meaning: "the number of a tool length that is not known",
         cause: "No tool of the job has this number and a length.",

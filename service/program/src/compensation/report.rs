@@ -3,7 +3,7 @@
 use super::geometry::{Point, length};
 use super::window::{Cut, Gouge, Gouges};
 use crate::code;
-use crate::{Finding, FindingLog, SourceSpan};
+use crate::{Finding, FindingLog, Severity, SourceSpan};
 
 /// An overcut below this, mm, is rounding.
 const LEAST_OVERCUT_MM: f64 = 1e-6;
@@ -13,8 +13,13 @@ fn shown(value_mm: f64) -> f64 {
     (value_mm * 1e6).round() / 1e6
 }
 
+/// Unless the program ends there because of an error: nobody knows how it would go on.
 #[cold]
 pub(super) fn unfinished(span: SourceSpan, on: SourceSpan, findings: &mut FindingLog) {
+    let is_there = |found: &Finding| (found.span.program, found.span.line) == (span.program, span.line);
+    if findings.findings().iter().any(|found| found.severity == Severity::Error && is_there(found)) {
+        return;
+    }
     findings.push_with(code::COMP_UNFINISHED, |code| {
         let message = format!("the program ends with the radius compensation on, since line {}", on.line);
         Finding::new(code, span, message)

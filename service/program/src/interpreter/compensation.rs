@@ -287,12 +287,12 @@ impl Execution<'_> {
                 Meaning::Dwell
                 | Meaning::ExactStop
                 | Meaning::AlreadySo
-                | Meaning::SpeedClamp
                 | Meaning::LookAhead
                 | Meaning::Smoothness
                 | Meaning::BlockLimit,
             ) => false,
-            (Group::NonModal, Meaning::SpeedClampOrThreadCycle) => {
+            // With axes it sets the coordinates, or cuts a thread.
+            (Group::NonModal, Meaning::SpeedClamp | Meaning::SpeedClampOrThreadCycle) => {
                 self.block.letters & self.table.axis_letters & !letter_bit(b'S') != 0
             }
             (Group::NonModal, _) => true,

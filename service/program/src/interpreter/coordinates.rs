@@ -3,6 +3,7 @@
 //! No code here moves the machine by itself, except the returns to reference positions: the same place has other coordinates.
 
 mod data;
+mod due;
 mod frames;
 mod planar;
 mod reference;

@@ -79,6 +79,9 @@ impl Execution<'_> {
         if self.state.compensation.on.is_some() {
             self.check_compensated_block();
         }
+        if self.block.letters & letter_bit(b'H') != 0 {
+            self.length_compensation();
+        }
         self.motion();
         if self.block.has_comma_words() {
             self.check_comma_words();

@@ -10,7 +10,7 @@ use crate::block::Word;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{LengthCompensation, Motion, ToolMode};
-use crate::{Axis, AxisSet, Finding, Position, SourceSpan, ToolOffset};
+use crate::{Axis, AxisSet, DialectName, Finding, Position, SourceSpan, ToolOffset};
 
 impl Execution<'_> {
     /// `G43`, `G44`, and `G49` for both.
@@ -24,8 +24,20 @@ impl Execution<'_> {
                     self.switch_length(LengthCompensation::default(), span);
                 }
             }
+            None if self.is_length_named_anew() => {
+                let span = self.block.span();
+                self.length_on(self.state.length.negative, span);
+            }
             _ => {}
         }
+    }
+
+    /// `H` without a code while a length is in force: FANUC and Haas controls go over to that length, and `H0` to none.
+    fn is_length_named_anew(&self) -> bool {
+        let is_free = self.block.letters & !self.used & letter_bit(b'H') != 0
+            && self.block.code(Group::Subprogram).is_none()
+            && self.state.tool_control.is_plain();
+        self.settings.dialect == DialectName::Mill && self.state.length.is_on && is_free
     }
 
     /// `G49 H0`, as posts write it: the offset 0 is none. In LinuxCNC `G49` has no words.
@@ -59,6 +71,11 @@ impl Execution<'_> {
             // H is modal, as the length is.
             None => self.state.length.number,
         };
+        if number == 0 && self.code(Group::LengthCompensation).is_none() {
+            let none =
+                LengthCompensation { is_on: true, negative, on_line: span.line, ..LengthCompensation::default() };
+            return self.switch_length(none, span);
+        }
         if number == 0 {
             return self.findings.push_with(code::LENGTH_NUMBER, |code| {
                 Finding::new(code, span, "the number H of the tool length is missing or 0")
@@ -133,6 +150,7 @@ impl Execution<'_> {
             return;
         }
         self.rebase(|state| state.length = next);
+        self.offset_changed(&before);
         if let Some(change_mm) = change_mm {
             self.check_cut_with_change(change_mm, span);
         }

@@ -92,7 +92,8 @@ impl Interpreter {
         // Behind G40, until the tool is on the programmed path again.
         let is_beside = !state.compensator.is_off();
         let coords = &state.coords;
-        let is_transformed = coords.transform.is_some() || coords.polar.is_some() || coords.awaits_absolute;
+        let is_transformed =
+            coords.transform.is_some() || coords.polar.is_some() || coords.awaits_absolute || coords.due.is_some();
         let is_as_usual = state.phase == Phase::Blocks
             && state.evidence.is_settled()
             && state.unread == 0

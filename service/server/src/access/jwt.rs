@@ -169,6 +169,10 @@ impl Provider {
             return Err(refused("the token is signed by another algorithm than its key is for"));
         }
         let claims = decode::<Map<String, Value>>(token, key.key(), &self.validation(&header)).map_err(why)?.claims;
+        // One issuer: what names several is of whoever is among them.
+        if claims.get("iss").and_then(Value::as_str) != Some(self.config.issuer.as_str()) {
+            return Err(refused("the token is of another issuer"));
+        }
         self.identity_of(&claims)
     }
 

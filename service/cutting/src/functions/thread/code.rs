@@ -34,9 +34,9 @@ feedwave_program::finding_codes! {
     }
 
     "THREAD-VIBRATION-OFF" [THREAD_VIBRATION_OFF: Error] {
-        meaning: "a pass has an amplitude, but the vibration of threads is off",
-        cause: "The A word is in a thread before the vibration is switched on, or after it is switched off.",
-        cure: "Switch the vibration on before the first pass, or leave the A word out.",
+        meaning: "a pass has an amplitude or a phase shift, but the vibration of threads is off",
+        cause: "The A or R word is in a thread before the vibration is switched on, or after it is switched off.",
+        cure: "Switch the vibration on before the first pass, or leave the word out.",
         example: lathe("M3 S300\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5 A2\nM30"),
     }
 

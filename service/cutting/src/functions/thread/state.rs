@@ -190,10 +190,12 @@ impl Threads {
             outwards: 1.0,
         };
         let is_off = !self.switch.is_on() && !self.switch.is_unusable();
-        if is_off && first.mv.amplitude_mm.is_some_and(|mm| mm > 0.0) {
-            let message = "the pass has an amplitude, but the vibration of threads is off";
+        let amplitude = first.mv.amplitude_mm.filter(|mm| *mm > 0.0).map(|_| ("an amplitude", 'A'));
+        let stated = amplitude.or(first.mv.phase_shift_deg.map(|_| ("a phase shift", 'R')));
+        if let Some((what, word)) = stated.filter(|_| is_off) {
+            let message = format!("the pass has {what}, but the vibration of threads is off");
             let finding = Finding::new(code::THREAD_VIBRATION_OFF, first.span, message);
-            findings.push(finding.suggest("switch it on before the first pass, or leave the A word out"));
+            findings.push(finding.suggest(format!("switch it on before the first pass, or leave the {word} word out")));
         }
         let lead_axis = still.lead_axis;
         let vibrating = self.switch.on().map(|mode| mode.lead_axis);

@@ -395,6 +395,15 @@ fn a_lathe_takes_radius_and_tip_of_the_offset_of_its_tool() {
     let with = |program: &str| codes(&with_tools(LanguageSettings::default(), program).1, Severity::Error);
     assert_eq!(with("G98 F100 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nG40 X60"), ["PRG-COMP-NUMBER"]);
     assert_eq!(with("G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nT0202\nG40 X60"), ["PRG-COMP-BLOCK"]);
+    assert_eq!(with("G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nG50 X40\nG40 X60"), ["PRG-COMP-BLOCK"]);
+    assert_eq!(with("G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nG50 U2\nG40 X60"), ["PRG-COMP-BLOCK"]);
+    assert_eq!(with("G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nG50 S2000\nG40 X60"), [""; 0]);
+    for written in ["#2201=1.", "#2901=0.8", "#2301=3"] {
+        let on = format!("G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\n{written}\nG40 X60");
+        let off = format!("G98 F100 T0101 G0 X60 Z10\n{written}\nG42 G1 X20 Z5\nZ-10\nG40 X60");
+        assert_eq!(with(&on), ["PRG-PARAMETER-READ-ONLY"], "{written}");
+        assert_eq!(with(&off), [""; 0], "{written}");
+    }
 }
 
 /// Codes of all findings of a mill's program, with the tool 1 of 8 mm.

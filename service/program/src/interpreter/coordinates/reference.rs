@@ -43,6 +43,8 @@ impl Execution<'_> {
         if axes == 0 {
             return self.bare_reference(span, &reference);
         }
+        // The way over the point is the axes' own, whatever offset is to come.
+        self.forget_due(axes);
         let over = self.target(axes, Frame::Work);
         self.rapid(over);
         self.state.position = over;

@@ -186,6 +186,10 @@ pub(in super::super) fn assign(
                 ToolPart::Tip if (0.0..=9.0).contains(&value) && value.fract() == 0.0 => row.tip = value as u8,
                 ToolPart::Tip => return Err("the tip of a tool is 0 to 9"),
             }
+            let is_radius = matches!(part, ToolPart::Radius | ToolPart::RadiusWear | ToolPart::Tip);
+            if is_radius && state.compensation.on.is_some() {
+                return Err("the radius compensation is on");
+            }
             let is_in_force = state.length.number == number || state.length.geometry_number == number;
             if is_in_force && matches!(part, ToolPart::Geometry(_) | ToolPart::Wear(_)) {
                 return Err("the tool offset is in force");

@@ -27,7 +27,9 @@ impl Execution<'_> {
         if offset != self.state.length.offset && self.is_transform_on(span, "another tool offset") {
             return;
         }
+        let before = self.state.length.offset;
         self.rebase(|state| state.length = next);
+        self.offset_changed(&before);
     }
 
     fn turning_offset_mm(

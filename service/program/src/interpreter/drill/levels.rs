@@ -24,6 +24,7 @@ impl Execution<'_> {
         let absolute = self.state.absolute;
         let r_word = self.take(b'R').map(|word| self.scaled(&word, true));
         let r_is_distance = self.has_lathe_cycles() && self.is_system_a() || !absolute;
+        self.check_due_level(axis, along, r_is_distance && r_word.is_some());
         let r = match r_word {
             Some(value) if linuxcnc => {
                 self.state.drilling.r_level = Some(value);

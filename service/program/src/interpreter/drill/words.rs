@@ -172,6 +172,7 @@ impl Execution<'_> {
             return Some((Pecks::None, None));
         }
         let lathe = self.has_lathe_cycles();
+        self.check_two_pecks(cycle, lathe)?;
         self.peck_depth(lathe)?;
         let haas = !self.is_linuxcnc() && self.settings.drilling.style == DrillingStyle::Haas;
         // I and J of G83 are Haas's whatever the style; K belongs to them there only.
@@ -213,6 +214,19 @@ impl Execution<'_> {
                 None
             }
         }
+    }
+
+    /// Refuses a block with both `Q`, the depth of equal pecks, and words of pecks that get smaller.
+    fn check_two_pecks(&mut self, cycle: Cycle, lathe: bool) -> Option<()> {
+        let is_haas = self.settings.drilling.style == DrillingStyle::Haas;
+        // K repeats the cycle on other controls, and in G73 it says after how much the tool goes out of the hole.
+        let least = if is_haas && cycle == Cycle::Peck { letter_bit(b'K') } else { 0 };
+        let reducing = letter_bit(b'I') | letter_bit(b'J') | least;
+        let is_taken = self.is_linuxcnc() || lathe || self.block.letters & !self.used & reducing == 0;
+        let Some(word) = self.block.word(b'Q').copied().filter(|_| !is_taken) else { return Some(()) };
+        self.used |= reducing | letter_bit(b'Q');
+        self.word_conflict(&word, "the block has two kinds of pecks: keep Q for equal ones, or I, J and K");
+        None
     }
 
     /// `Q`: pecks of one depth.

@@ -274,7 +274,8 @@ impl Interpreter {
         span: SourceSpan,
         findings: &mut FindingLog,
     ) -> Option<f64> {
-        let counts = !matches!(letter, b'D' | b'H' | b'M' | b'S' | b'T');
+        // A feed means what it does in a block.
+        let counts = !matches!(letter, b'D' | b'E' | b'F' | b'H' | b'M' | b'S' | b'T');
         let value = value?;
         if !(is_written_whole && counts && value != 0.0) {
             return Some(value);

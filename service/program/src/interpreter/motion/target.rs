@@ -11,6 +11,7 @@ impl Execution<'_> {
     /// The position after the axis words in the mask `axes`, which are used by this.
     #[inline]
     pub(in crate::interpreter) fn target(&mut self, axes: u32, frame: Frame) -> Position {
+        let more = self.state.coords.due.is_some().then(|| self.take_up_due(axes, frame));
         let coords = &self.state.coords;
         let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;
         let mut end = self.state.position;
@@ -18,6 +19,9 @@ impl Execution<'_> {
             self.plain_target(axes, &mut end);
         } else {
             self.transformed_target(axes, frame, &mut end);
+        }
+        for (value, more) in end.iter_mut().zip(more.unwrap_or_default()) {
+            *value += more;
         }
         end
     }

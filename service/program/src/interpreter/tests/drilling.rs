@@ -319,3 +319,27 @@ fn moves_say_which_cycle_they_belong_to() {
     let program = "M3 S500\nG0 X50 Z10\nG87 X20 Z5 R-5 F0.1\nG80\nM30\n";
     assert_eq!(called(turning(None), program), [(2, None), (3, Some(("G87", 3)))]);
 }
+
+#[test]
+fn two_kinds_of_pecks_in_a_block_are_refused() {
+    let found = |settings: LanguageSettings, cycle: &str| {
+        let program = format!("M3 S1000\nG0 X0 Y0 Z10.\n{cycle}\nG80\nG0 Z50.\nM30\n");
+        let (_, findings) = interpret(program.as_bytes(), settings);
+        findings
+            .findings()
+            .iter()
+            .filter(|it| it.severity == Severity::Error)
+            .map(|it| it.code.to_string())
+            .collect::<Vec<_>>()
+    };
+    let mut haas = mill();
+    haas.drilling.style = DrillingStyle::Haas;
+    for cycle in ["G83 X10. Z-20. R2. Q5. I8. F100.", "G83 X10. Z-20. R2. Q5. J1. F100."] {
+        assert_eq!(found(mill(), cycle), ["PRG-WORD-CONFLICT"], "{cycle}");
+        assert_eq!(found(haas.clone(), cycle), ["PRG-WORD-CONFLICT"], "{cycle}");
+    }
+    assert_eq!(found(haas.clone(), "G83 X10. Z-20. R2. Q5. K11. F100."), ["PRG-WORD-CONFLICT"]);
+    // K repeats elsewhere, and in G73 of Haas it goes with Q.
+    assert_eq!(found(mill(), "G83 X10. Z-20. R2. Q5. K1 F100."), [""; 0]);
+    assert_eq!(found(haas, "G73 X10. Z-20. R2. Q5. K11. F100."), [""; 0]);
+}

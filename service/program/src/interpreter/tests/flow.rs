@@ -119,6 +119,10 @@ fn macro_calls_pass_arguments() {
     let own = "#1=4\nG65 P1 A9.\nG0 X#1\nM30\nO1\n#1=8\nM99";
     assert_eq!(mill_xs(own), [4.0], "locals are those of the call");
     assert_eq!(mill_xs("#1=4\nM98 P1\nG0 X#1\nM30\nO1\n#1=8\nM99"), [8.0], "M98 shares them");
+    // A feed is passed as it is written, as in a block.
+    let least = LanguageSettings { decimal_point: crate::DecimalPointRule::LeastIncrement, ..LanguageSettings::mill() };
+    let (points, _) = ends("G65 P1 A100 E7 F100\nM30\nO1\nG0 X#1 Y#8 Z#9\nM99\n", &least);
+    assert_eq!(points, [[0.1, 7.0, 100.0]]);
     assert_eq!(mill_xs("G65 P1 L3 A1.\nM30\nO1\nG0 X#1\n#1=#1+1\nM99"), [1.0, 2.0, 3.0], "repeats keep changed locals");
 }
 

@@ -39,16 +39,47 @@ fn the_length_is_between_the_control_point_and_the_tip() {
 
 #[test]
 fn switching_moves_nothing() {
-    // The same place has other coordinates; increments count from there.
+    // The same place has other coordinates.
     check(
         &mill(),
-        "G0 X1 Z200\nG43 H1\nX2\nG91 Z-5\nG90 G2 X3 Y1 R1 F10\nG49\nG0 X0",
+        "G0 X1 Z200\nG43 H1\nX2\nZ95\nG90 G2 X3 Y1 R1 F10\nG49\nG0 X0",
         "rapid 0 -> X1 Z200
          rapid X1 Z100 -> X2 Z100
          rapid X2 Z100 -> X2 Z95
          arc X2 Z95 -> X3 Y1 Z95 about 3,0 by -90 @10/min
          rapid X3 Y1 Z195 -> Y1 Z195",
     );
+}
+
+#[test]
+fn an_incremental_word_takes_the_change_of_the_length_along() {
+    for (program, expected) in [
+        ("G0 Z50\nG91 G43 H1 Z10\nZ1", vec![50.0, 160.0, 161.0]),
+        ("G0 Z50\nG91 G43 H1 G1 Z10 F100", vec![50.0, 160.0]),
+        ("G0 Z50\nG43 H1\nX1\nG91 Z-5\nZ-5\nG49\nX1\nZ-5", vec![50.0, 50.0, 145.0, 140.0, 140.0, 35.0]),
+        // Changes add up, and what an absolute word has reached is due no more.
+        ("G0 Z50\nG43 H1\nG43 H2\nG91 Z-5\nG90 G43 H1 Z0\nG91 Z-5", vec![50.0, 95.0, 100.0, 95.0]),
+        ("G0 Z50\nG43 H1\nG49\nG91 Z-5", vec![50.0, 45.0]),
+        // What the axis is named for moves it away.
+        ("G0 Z50\nG43 H1\nG53 Z20\nG91 Z-5", vec![50.0, 20.0, 15.0]),
+        ("G0 Z50\nG43 H1\nG91 G28 Z0\nZ-5", vec![50.0, 0.0, -5.0]),
+    ] {
+        assert_eq!(machine_z(program, mill()), expected, "{program}");
+    }
+    let mut haas = mill();
+    haas.coordinates.style = crate::CoordinateStyle::Haas;
+    let refused = "rapid 0 -> Z50\n! 2:12+3 PRG-LENGTH-INCREMENT";
+    check(&haas, "G0 Z50\nG91 G43 H1 Z10", refused);
+    check(&mill(), "G0 Z50\nG43 H1\nG91 G81 R-5 Z-5 F100 L0", "rapid 0 -> Z50\n! 3:1+23 PRG-LENGTH-INCREMENT");
+}
+
+#[test]
+fn h_alone_names_another_length() {
+    assert_eq!(machine_z("G43 H1 G0 Z50\nZ40 H2\nZ57 H0\nG43 H1 Z0", mill()), [150.0, 90.0, 57.0, 100.0]);
+    assert_eq!(machine_z("G44 H1 G0 Z50\nH2\nZ40", mill()), [-50.0, -10.0]);
+    check(&mill(), "H2", "! 1:1+2 PRG-WORD-UNUSED");
+    check(&mill(), "G43 H1\nH99", "! 2:1+3 PRG-TOOL-LENGTH");
+    check(&linuxcnc(), "G43 H1\nH2", "! 2:1+2 PRG-WORD-UNUSED");
 }
 
 #[test]
@@ -64,8 +95,8 @@ fn contradictions_are_refused() {
         "G43\nG43 H0\nG44 H1.5\nG43 H99",
         "! 1:1+3 PRG-LENGTH-NUMBER\n! 2:1+3 PRG-LENGTH-NUMBER\n! 3:5+4 PRG-NUMBER-NOT-WHOLE\n! 4:1+3 PRG-TOOL-LENGTH",
     );
-    // H is modal while the compensation is on, but no word of a block without it.
-    check(&mill(), "G43 H1\nG43\nH2", "! 3:1+2 PRG-WORD-UNUSED");
+    // H is modal while the compensation is on.
+    check(&mill(), "G43 H1\nG43", "");
     // The offset 0 is none; another number contradicts G49, and LinuxCNC knows neither.
     check(&mill(), "G49 H0\nG43 H1\nG49 H0\nG49 H1", "! 4:5+2 PRG-WORD-UNUSED");
     check(&linuxcnc(), "G49 H0", "! 1:5+2 PRG-WORD-UNUSED");

@@ -290,7 +290,9 @@ fn words_of_g92_that_are_refused() {
     refused("G92 X18. Z-5. F2. Q400.", "! 3:19+5 PRG-THREAD-ANGLE");
     refused("G92 X18. Z-5. C5. F2.", "! 3:15+3 PRG-THREAD-AXIS");
     refused("G92 X18. Z-5. R2000. F2.", "! 3:15+6 PRG-THREAD-CYCLE-VALUE");
-    refused("G92 X18. Z-5. I2. F2.", "! 3:15+3 PRG-WORD-UNUSED");
+    // The taper, as older controls write it.
+    refused("G92 X18. Z-5. I2. F2.", "! 3:1+21 PRG-THREAD-CYCLE-START");
+    refused("G92 X18. Z-5. R-1. I2. F2.", "! 3:20+3 PRG-WORD-UNUSED");
     // A chamfer longer than the thread, set by the P of a G76.
     refused("G76 P019960\nG92 X18. Z0 F2.", "! 4:1+15 PRG-THREAD-TRAVEL");
     refused("G76 P010160\nG92 X16. Z0 R-5.5 F2.", "! 4:1+21 PRG-THREAD-TRAVEL");
@@ -451,4 +453,14 @@ proptest! {
         });
         prop_assert_eq!(last.map(|end| [end[0], end[2]]), Some([20.0, -30.0]));
     }
+}
+
+#[test]
+fn the_taper_of_a_threading_cycle_may_be_written_i() {
+    let [older, newer] = ["I-1.", "R-1."].map(|taper| {
+        let program = format!("{GO}G92 X18. Z-20. {taper} F2.\nX17.\nM30");
+        render(&program, &lathe())
+    });
+    assert_eq!(older, newer);
+    assert!(older.contains("thread"), "{older}");
 }

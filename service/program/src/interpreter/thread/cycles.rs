@@ -121,7 +121,9 @@ impl Execution<'_> {
     pub(super) fn thread_cycle(&mut self, axes: u32) {
         let lead_mm = self.lead();
         let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
-        let taper = self.optional_length(b'R', "taper", TAPERS_MM);
+        // Older controls, and Haas, write I.
+        let is_older = self.block.word(b'I').is_some() && self.block.word(b'R').is_none();
+        let taper = self.optional_length(if is_older { b'I' } else { b'R' }, "taper", TAPERS_MM);
         let only_x_and_z = self.are_thread_axes(axes);
         let turns = self.spindle_cuts_threads();
         let end = self.target(axes, Frame::Work);

@@ -73,3 +73,16 @@ fn m73_restores_at_the_return() {
     ends(&linuxcnc(), program, &[[25.4, 0.0, 0.0], [5.0, 0.0, 0.0], [30.4, 0.0, 0.0], [6.0, 0.0, 0.0]]);
     resumes(&linuxcnc(), program);
 }
+
+#[test]
+fn an_incremental_word_behind_another_offset_is_refused() {
+    let mut row = ToolOffset::new(1);
+    row.geometry = Some(Position::default());
+    row.wear[Axis::X.index()] = 0.2;
+    let run = |program| run_with(&lathe(), std::slice::from_ref(&row), program).findings;
+    assert_eq!(run("G0 X50 Z5\nT0101\nU2 W-1"), ["3:PRG-LENGTH-INCREMENT"]);
+    // Z has no offset; X is named before, or goes home whatever its offset is.
+    for program in ["T0101\nG0 W-1", "T0101\nG0 X50\nU2", "T0101\nG28 U0 W0", "G0 X50\nT0101\nT0100\nU2"] {
+        assert_eq!(run(program), [""; 0], "{program}");
+    }
+}
