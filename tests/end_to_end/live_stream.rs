@@ -75,13 +75,41 @@ async fn a_client_that_comes_back_misses_nothing_and_hears_nothing_twice() {
     assert_eq!(rest, states[1..]);
 }
 
+/// The id of the first words of a stream.
+async fn first_id(server: &Server, tenant: &str) -> String {
+    let named = [("x-feedwave-tenant", tenant)];
+    let headers = if tenant.is_empty() { &[] } else { named.as_slice() };
+    let mut stream = server.web().open("/v1/stream", headers).await;
+    patiently(stream.next_event()).await.expect("a greeting").id
+}
+
 #[tokio::test]
 async fn who_is_of_another_store_is_told_to_start_over() {
     let server = Server::start(FEEDWAVE).await;
-    for id in ["99-0", "0-99", "nonsense"] {
+    let elsewhere = first_id(&Server::start(FEEDWAVE).await, "").await;
+    let own = first_id(&server, "").await;
+    let (stamp, _) = own.split_once('-').expect("a stamp");
+    let other_tenant = first_id(&server, "south").await;
+    for id in [format!("{stamp}-99-0").as_str(), &format!("{stamp}-0-99"), &elsewhere, &other_tenant, "0-0", "nonsense"]
+    {
         let mut stream = server.web().open("/v1/stream", &[("last-event-id", id)]).await;
         assert_eq!(next_logged(&mut stream).await.event, "reset", "{id}");
     }
+    // Nothing is reset for who comes back.
+    server.connect().await.submit(PROGRAM).await;
+    let mut stream = server.web().open("/v1/stream", &[("last-event-id", &own)]).await;
+    assert_eq!(next_logged(&mut stream).await.event, "job");
+}
+
+#[tokio::test]
+async fn ids_say_nothing_of_what_other_tenants_do() {
+    let server = Server::start(FEEDWAVE).await;
+    let before = first_id(&server, "south").await;
+    let mut stream = server.web().open("/v1/stream", &[]).await;
+    let job = server.connect().await.submit(PROGRAM).await.job;
+    let (_, ids) = states_of(&mut stream, &job.name).await;
+    assert_eq!(first_id(&server, "south").await, before);
+    assert_eq!(first_id(&server, "").await, *ids.last().expect("three events"));
 }
 
 #[tokio::test]

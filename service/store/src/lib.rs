@@ -21,6 +21,7 @@ mod audit;
 mod checkpoints;
 mod error;
 mod jobs;
+mod logs;
 mod machines;
 mod maintenance;
 mod objects;
@@ -46,6 +47,7 @@ pub use jobs::{
     EventFilter, FindingCounts, Fingerprint, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob,
     NewReport, StoredReport, UnknownJobState,
 };
+pub use logs::{LogPlace, LogPlaces};
 pub use machines::{MachineRecord, Machines};
 pub use maintenance::{
     CheckReport, CopyError, CopyReport, MAX_PROBLEMS, Problem, ReadDecision, TableCopy, backup, check, check_with,

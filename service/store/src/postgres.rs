@@ -34,14 +34,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use async_trait::async_trait;
-use sqlx::{Connection as _, PgConnection};
+use sqlx::{AssertSqlSafe, Connection as _, PgConnection};
 use tokio::sync::{Semaphore, watch};
 
 use crate::Database;
 use crate::error::{Result, StoreError};
+use crate::logs::LogPlaces;
 use crate::objects::Objects;
 use crate::settings::{StoreSettings, StoreStats};
 use crate::sql::fault::REFUSED;
+use crate::sql::logs;
+use crate::tenant::Tenant;
 use bell::Bell;
 pub(crate) use check::check;
 use clock::Clock;
@@ -60,6 +63,9 @@ use silence::{Silence, TRIVIAL};
 const LOG_CONNECTIONS: u32 = 2;
 /// Payload is counted in pieces of this many bytes.
 const PAYLOAD_UNIT_BYTES: u64 = 1024;
+
+/// When a migration was done, µs since the Unix epoch.
+const MADE: &str = "CAST(EXTRACT(EPOCH FROM installed_on) * 1000000 AS BIGINT)";
 
 /// The store in a PostgreSQL database. Cloning is cheap; clones are the same store.
 #[derive(Clone)]
@@ -117,6 +123,11 @@ impl Database for PostgresStore {
 
     fn watch_faults(&self) -> watch::Receiver<u64> {
         self.inner.probing.faults()
+    }
+
+    async fn log_places(&self, tenant: Tenant) -> Result<LogPlaces> {
+        let query = sqlx::query_as(AssertSqlSafe(logs::places_of(MADE))).bind(tenant.name());
+        Ok(logs::places(query.fetch_one(&mut self.reader().await?).await?))
     }
 
     fn stats(&self) -> StoreStats {

@@ -8,6 +8,7 @@ pub(crate) mod compress;
 pub(crate) mod documents;
 pub(crate) mod fault;
 pub(crate) mod jobs;
+pub(crate) mod logs;
 pub(crate) mod migrations;
 pub(crate) mod objects;
 pub(crate) mod pages;

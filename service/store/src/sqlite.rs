@@ -29,13 +29,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use async_trait::async_trait;
-use sqlx::SqlitePool;
+use sqlx::{AssertSqlSafe, SqlitePool};
 use tokio::sync::watch;
 
 use crate::Database;
 use crate::error::{Result, StoreError};
+use crate::logs::LogPlaces;
 use crate::objects::Objects;
 use crate::settings::{StoreSettings, StoreStats};
+use crate::sql::logs;
+use crate::tenant::Tenant;
 use fault::is_damage;
 pub(crate) use fault::meaning;
 pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
@@ -43,6 +46,9 @@ use probe::Probing;
 use reader::Reader;
 use reading::Reading;
 use writer::{BoxFuture, Transaction, Writer};
+
+/// When a migration was done, s since the Unix epoch.
+const MADE: &str = "CAST(strftime('%s', installed_on) AS INTEGER)";
 
 /// The store in an SQLite file. Cloning is cheap; clones are the same store.
 #[derive(Clone)]
@@ -85,6 +91,11 @@ impl Database for SqliteStore {
 
     fn watch_faults(&self) -> watch::Receiver<u64> {
         self.inner.probing.faults()
+    }
+
+    async fn log_places(&self, tenant: Tenant) -> Result<LogPlaces> {
+        let query = sqlx::query_as(AssertSqlSafe(logs::places_of(MADE))).bind(tenant.name());
+        Ok(logs::places(query.fetch_one(&mut self.reader().await?).await?))
     }
 
     fn stats(&self) -> StoreStats {

@@ -12,6 +12,7 @@ use crate::audit::Audit;
 use crate::checkpoints::Checkpoints;
 use crate::error::Result;
 use crate::jobs::Jobs;
+use crate::logs::LogPlaces;
 use crate::machines::Machines;
 use crate::postgres::PostgresStore;
 use crate::presences::Presences;
@@ -20,6 +21,7 @@ use crate::retention::Retention;
 use crate::runs::Runs;
 use crate::settings::{StoreSettings, StoreStats};
 use crate::sqlite::SqliteStore;
+use crate::tenant::Tenant;
 use crate::tools::Tools;
 use crate::uri::{Place, StoreUri};
 use crate::validations::Validations;
@@ -49,6 +51,12 @@ pub trait Database:
 
     /// Counts writes that the database could not do, so that a probe follows them at once.
     fn watch_faults(&self) -> watch::Receiver<u64>;
+
+    /// How far the logs of a tenant have come.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn log_places(&self, tenant: Tenant) -> Result<LogPlaces>;
 
     /// Counters since the store was opened.
     fn stats(&self) -> StoreStats;

@@ -195,11 +195,6 @@ impl<L: Log> LogWatch<L> {
         Self { store: store.clone(), recent: recent.clone(), newest, after, filter, read: VecDeque::new() }
     }
 
-    /// Place up to which records have been handed on.
-    pub(crate) fn place(&self) -> i64 {
-        self.read.front().map_or(self.after, |next| next.sequence - 1)
-    }
-
     /// The next record; `None` when the store was closed.
     pub(crate) async fn next(&mut self) -> Result<Option<Arc<Entry<L::Message>>>> {
         loop {

@@ -3,6 +3,7 @@
 //! Invariant: nothing is queued for a client. A stream knows how far it is in each log and which states it has told of;
 //! what is next is looked up when the connection can take it, so that a slow client costs no more than a quick one.
 
+use std::fmt;
 use std::hash::{BuildHasher as _, RandomState};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,9 +16,11 @@ use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::IntoResponse as _;
 use bytes::Bytes;
 use feedwave_contract::names;
+use feedwave_store::{LogPlace, LogPlaces, Tenant};
 use futures_util::{FutureExt as _, stream};
 use http_body::{Frame, SizeHint};
 use serde_json::json;
+use sha2::{Digest as _, Sha256};
 use tokio::time::{Instant, sleep, sleep_until};
 use tokio_util::sync::CancellationToken;
 
@@ -39,25 +42,49 @@ const MOST_TOGETHER: usize = 64 << 10;
 /// The header of a client that comes back.
 const LAST_EVENT_ID: &str = "last-event-id";
 
-/// Places in both logs, as they stand in the id of an event: `7-12` is behind event 7 of jobs and decision 12.
+/// What a client was told last of each log, as it stands in the id of an event: `5ce1d32a-7-12` is behind event 7 of jobs and
+/// decision 12. Both are places of what the client may see: of what others do they tell nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Cursor {
+    /// Of which store and tenant the places are.
+    stamp: u32,
     events: i64,
     decisions: i64,
 }
 
 impl Cursor {
     fn parse(text: &str) -> Option<Self> {
-        let (events, decisions) = text.split_once('-')?;
+        let (stamp, places) = text.split_once('-')?;
+        let (events, decisions) = places.split_once('-')?;
         // A sign would be another text for the same place.
         let place = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse().ok()).flatten();
-        Some(Self { events: place(events)?, decisions: place(decisions)? })
+        let is_stamp = stamp.len() == 8 && stamp.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+        let stamp = u32::from_str_radix(stamp, 16).ok().filter(|_| is_stamp)?;
+        Some(Self { stamp, events: place(events)?, decisions: place(decisions)? })
+    }
+
+    /// Behind all that a tenant has in a store.
+    fn newest(places: &LogPlaces, tenant: Tenant) -> Self {
+        let mut of = Sha256::new();
+        places.store.iter().for_each(|number| of.update(number.to_le_bytes()));
+        of.update(tenant.name());
+        let digest = of.finalize();
+        let stamp = u32::from_be_bytes([digest[0], digest[1], digest[2], digest[3]]);
+        Self { stamp, events: places.events.newest, decisions: places.decisions.newest }
     }
 
     /// Whether a client that is here can be told what it missed, record by record.
-    fn is_near(self, newest: Self) -> bool {
-        let near = |here: i64, newest: i64| (0..=MOST_BEHIND).contains(&newest.saturating_sub(here));
-        near(self.events, newest.events) && near(self.decisions, newest.decisions)
+    fn can_go_on(self, places: &LogPlaces, newest: Self) -> bool {
+        let is_near = |here: i64, log: LogPlace| {
+            (log.removed..=log.newest).contains(&here) && log.newest.saturating_sub(here) <= MOST_BEHIND
+        };
+        self.stamp == newest.stamp && is_near(self.events, places.events) && is_near(self.decisions, places.decisions)
+    }
+}
+
+impl fmt::Display for Cursor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:08x}-{}-{}", self.stamp, self.events, self.decisions)
     }
 }
 
@@ -70,6 +97,8 @@ struct Live {
     heartbeat: Duration,
     /// The first words.
     greeting: Option<String>,
+    /// How far the client has been told.
+    told: Cursor,
     /// When the last words were sent.
     sent_at: Instant,
     /// When the stream began.
@@ -87,39 +116,41 @@ fn to_turn(elapsed: Duration, phase: Duration) -> Duration {
 }
 
 impl Live {
-    fn new(api: &Api, last: Option<&str>, heartbeat: Duration) -> Self {
-        let newest =
-            Cursor { events: *api.store.watch_events().borrow(), decisions: *api.store.watch_decisions().borrow() };
-        let store = api.store.of_all_tenants();
+    async fn new(api: &Api, last: Option<&str>, heartbeat: Duration) -> Result<Self> {
+        let (store, tenant) = (api.store.of_all_tenants(), api.caller.tenant());
+        // Looked at first: what comes meanwhile is behind these.
+        let [all_events, all_decisions] =
+            [api.store.watch_events(), api.store.watch_decisions()].map(|newest| *newest.borrow());
+        let places = store.log_places(tenant).await?;
+        let newest = Cursor::newest(&places, tenant);
         let asked = last.map(Cursor::parse);
-        let resumed = asked.flatten().filter(|cursor| cursor.is_near(newest));
-        let from = resumed.unwrap_or(newest);
-        let filter = LogFilter::of_tenant(api.caller.tenant());
-        let mut live = Self {
-            events: LogWatch::new(store, &api.recent_events, Some(from.events), filter),
-            decisions: LogWatch::new(store, &api.recent_decisions, Some(from.decisions), filter),
+        let resumed = asked.flatten().filter(|cursor| cursor.can_go_on(&places, newest));
+        let told = resumed.unwrap_or(newest);
+        // Who was told of everything need not ask what is between that and the newest record of all.
+        let from = |told: i64, newest: i64, all: i64| Some(if told == newest { told.max(all) } else { told });
+        let (events, decisions) =
+            (from(told.events, newest.events, all_events), from(told.decisions, newest.decisions, all_decisions));
+        let filter = LogFilter::of_tenant(tenant);
+        // Who reads comments knows by this how long a silence is none.
+        let heartbeat_s = heartbeat.as_secs();
+        let mut greeting = format!(": heartbeat {heartbeat_s} s\nretry: {RETRY_MS}\nid: {told}\n\n");
+        if asked.is_some() && resumed.is_none() {
+            greeting.push_str("event: reset\ndata: {}\n\n");
+        }
+        Ok(Self {
+            events: LogWatch::new(store, &api.recent_events, events, filter),
+            decisions: LogWatch::new(store, &api.recent_decisions, decisions, filter),
             // Its turns are to fit in whatever the clock makes of them.
             floor: api.floor().reader(None).every(STATE_INTERVAL - PACE / 2),
             draining: api.engine.draining().clone(),
             heartbeat,
-            greeting: None,
+            greeting: Some(greeting),
+            told,
             sent_at: Instant::now(),
             begun: Instant::now(),
             phase: PACE.mul_f64(f64::from(RandomState::new().hash_one(()) as u32) / f64::from(u32::MAX)),
             is_behind: false,
-        };
-        // Who reads comments knows by this how long a silence is none.
-        let heartbeat_s = heartbeat.as_secs();
-        let mut greeting = format!(": heartbeat {heartbeat_s} s\nretry: {RETRY_MS}\nid: {}\n\n", live.id());
-        if asked.is_some() && resumed.is_none() {
-            greeting.push_str("event: reset\ndata: {}\n\n");
-        }
-        live.greeting = Some(greeting);
-        live
-    }
-
-    fn id(&self) -> String {
-        format!("{}-{}", self.events.place(), self.decisions.place())
+        })
     }
 
     /// The next words, and when they were sent.
@@ -142,8 +173,7 @@ impl Live {
                 is_open = self.events.is_ready() => is_open,
                 is_open = self.decisions.is_ready() => is_open,
                 is_open = self.floor.is_ready() => is_open,
-                // With its place: what a client was not to see it need not be asked about again.
-                () = sleep_until(silent_until) => return Ok(Some(format!(":\nid: {}\n\n", self.id()).into())),
+                () = sleep_until(silent_until) => return Ok(Some(format!(":\nid: {}\n\n", self.told).into())),
             };
             if !goes_on {
                 return Ok(None);
@@ -163,11 +193,13 @@ impl Live {
         let mut text = Vec::new();
         self.events.fill().await?;
         while let Some(event) = (text.len() < MOST_TOGETHER).then(|| self.events.pop()).flatten() {
-            self.record(&mut text, "job", event.json());
+            self.told.events = event.sequence;
+            record(&mut text, self.told, "job", event.json());
         }
         self.decisions.fill().await?;
         while let Some(decision) = (text.len() < MOST_TOGETHER).then(|| self.decisions.pop()).flatten() {
-            self.record(&mut text, "decision", decision.json());
+            self.told.decisions = decision.sequence;
+            record(&mut text, self.told, "decision", decision.json());
         }
         self.is_behind = text.len() >= MOST_TOGETHER;
         if self.floor.is_ready().now_or_never() == Some(true) {
@@ -175,12 +207,12 @@ impl Live {
         }
         Ok(text)
     }
+}
 
-    fn record(&self, text: &mut Vec<u8>, kind: &str, json: &str) {
-        let head = format!("id: {}\nevent: {kind}\ndata: ", self.id());
-        for part in [&head, json, "\n\n"] {
-            text.extend_from_slice(part.as_bytes());
-        }
+fn record(text: &mut Vec<u8>, id: Cursor, kind: &str, json: &str) {
+    let head = format!("id: {id}\nevent: {kind}\ndata: ");
+    for part in [&head, json, "\n\n"] {
+        text.extend_from_slice(part.as_bytes());
     }
 }
 
@@ -205,8 +237,8 @@ pub(super) async fn follow(
     headers: HeaderMap,
 ) -> Answer {
     Query::parse(raw.as_deref()).finish()?;
-    let last = headers.get(LAST_EVENT_ID).and_then(|value| value.to_str().ok());
-    let live = Live::new(&api, last, state.heartbeat);
+    let last = headers.get(LAST_EVENT_ID).map(|value| value.to_str().unwrap_or_default());
+    let live = Live::new(&api, last, state.heartbeat).await?;
     let words = stream::try_unfold(live, async |mut live| {
         let next = live.sent().await;
         if let Err(error) = &next {
@@ -292,11 +324,40 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cursor_is_two_places_and_nothing_else() {
-        assert_eq!(Cursor::parse("7-12"), Some(Cursor { events: 7, decisions: 12 }));
-        for text in ["", "7", "7-", "-7", "+7-1", "7-12-1", "7--12", "a-b", "99999999999999999999-1"] {
+    fn a_cursor_is_a_stamp_and_two_places_and_nothing_else() {
+        let cursor = Cursor { stamp: 0x5c_e1d3, events: 7, decisions: 12 };
+        assert_eq!(Cursor::parse("005ce1d3-7-12"), Some(cursor));
+        assert_eq!(cursor.to_string(), "005ce1d3-7-12");
+        let stamped = ["7", "7-", "-7", "+7-1", "7-12-1", "7--12", "a-b", "99999999999999999999-1"];
+        for text in stamped.map(|places| format!("005ce1d3-{places}")) {
+            assert_eq!(Cursor::parse(&text), None, "{text}");
+        }
+        for text in ["", "7-12", "5ce1d3-7-12", "005CE1D3-7-12", "+05ce1d3-7-12", "0005ce1d3-7-12"] {
             assert_eq!(Cursor::parse(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn a_client_goes_on_where_all_that_it_missed_is_there() {
+        let log = |removed, newest| LogPlace { removed, newest };
+        let places = LogPlaces { store: [1, 2], events: log(3, 9), decisions: log(0, 20_000) };
+        let newest = Cursor::newest(&places, Tenant::DEFAULT);
+        assert!(newest.can_go_on(&places, newest));
+        for (events, decisions, goes_on) in [
+            (3, 20_000, true),
+            (2, 20_000, false),
+            (10, 20_000, false),
+            (9, 10_000, true),
+            (9, 9_999, false),
+            (9, 20_001, false),
+        ] {
+            let cursor = Cursor { events, decisions, ..newest };
+            assert_eq!(cursor.can_go_on(&places, newest), goes_on, "{cursor}");
+        }
+        // Of another store, and of another tenant.
+        let elsewhere = Cursor::newest(&LogPlaces { store: [1, 3], ..places }, Tenant::DEFAULT);
+        let other = Cursor::newest(&places, "other".parse().unwrap());
+        assert!(!elsewhere.can_go_on(&places, newest) && !other.can_go_on(&places, newest));
     }
 
     #[test]
@@ -306,15 +367,5 @@ mod tests {
             assert_eq!(to_turn(ms(elapsed), ms(phase)), ms(expected), "{elapsed} {phase}");
         }
         assert_eq!(to_turn(ms(0), PACE), PACE);
-    }
-
-    #[test]
-    fn who_is_too_far_behind_or_ahead_starts_over() {
-        let newest = Cursor { events: 20_000, decisions: 5 };
-        assert!(Cursor { events: 10_000, decisions: 0 }.is_near(newest));
-        assert!(newest.is_near(newest));
-        assert!(!Cursor { events: 9_999, decisions: 5 }.is_near(newest));
-        // Of another store, or one that was brought back from a copy.
-        assert!(!Cursor { events: 20_000, decisions: 6 }.is_near(newest));
     }
 }

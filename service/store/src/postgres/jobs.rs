@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
-use sqlx::{PgConnection, PgExecutor, Postgres, QueryBuilder, Row as _};
+use sqlx::{AssertSqlSafe, PgConnection, PgExecutor, Postgres, QueryBuilder, Row as _};
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -16,6 +16,7 @@ use crate::jobs::{
 use crate::page::{Page, PageRequest};
 use crate::sql::fault::is_reference;
 use crate::sql::jobs::{PackedReport, check_new, created, detail, event, job, missing, packed, report, scope};
+use crate::sql::logs::{OF_JOB, TenantLog};
 use crate::sql::pages::page_of;
 use crate::sql::record::{parsed, signed, tenant, unsigned};
 use crate::tenant::Tenant;
@@ -225,6 +226,8 @@ impl Jobs for PostgresStore {
                 if etag.is_some_and(|etag| etag != current) {
                     return Err(StoreError::EtagMismatch { kind: Kind::Job, id: id.to_string(), current });
                 }
+                let note = AssertSqlSafe(TenantLog::Decisions.note_removal(OF_JOB));
+                sqlx::query(note).bind(id.to_string()).execute(&mut tx.connection).await?;
                 sqlx::query("DELETE FROM jobs WHERE id = $1").bind(id.to_string()).execute(&mut tx.connection).await?;
                 let now_us = tx.now_us();
                 log(tx, (job.tenant, id), Some(job.state), None, now_us, "deleted").await.map(drop)

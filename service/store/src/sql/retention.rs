@@ -6,6 +6,7 @@ use async_trait::async_trait;
 use uuid::Uuid;
 
 use super::check::Parameter;
+use super::logs::TenantLog;
 use super::objects::ObjectSteps;
 use super::record::parse;
 use crate::error::{Result, StoreError};
@@ -76,18 +77,22 @@ pub(crate) trait RetentionSteps: ObjectSteps + Jobs + Programs {
         Ok(self.number(format!("SELECT COUNT(*) {from}"), self.cutoff(age)).await?.unsigned_abs())
     }
 
-    /// Removes records, oldest first; how many.
-    async fn remove(&self, table: &str, from: &str, cutoff: i64) -> Result<u64> {
+    /// Removes records, oldest first, once it is noted what goes of a log with them: by `note`, of a batch of them; how many.
+    async fn remove(&self, table: &str, from: &str, cutoff: i64, note: for<'b> fn(&'b str) -> String) -> Result<u64> {
         let mut removed = 0;
         loop {
-            let sql = format!(
-                "DELETE FROM {table} WHERE sequence IN (SELECT j.sequence {from} ORDER BY j.sequence LIMIT {BATCH})"
+            let last = format!(
+                "SELECT COALESCE(MAX(b.sequence), -1) FROM (SELECT j.sequence {from} ORDER BY j.sequence LIMIT {BATCH}) AS b"
             );
-            let gone = self.change(sql, cutoff).await?;
-            removed += gone;
-            if gone < BATCH.unsigned_abs() {
+            let last = self.number(last, cutoff).await?;
+            if last < 0 {
                 return Ok(removed);
             }
+            // By its end: whoever else removes at the same time, no more goes than what is noted.
+            let batch = format!("{from} AND j.sequence <= {last}");
+            self.change(note(&batch), cutoff).await?;
+            let sql = format!("DELETE FROM {table} WHERE sequence IN (SELECT j.sequence {batch})");
+            removed += self.change(sql, cutoff).await?;
         }
     }
 
@@ -182,7 +187,8 @@ impl<S: RetentionSteps> Retention for S {
     async fn remove_expired(&self, policy: &RetentionPolicy) -> Result<Removed> {
         let mut removed = Removed::default();
         if let Some(age) = policy.runs {
-            removed.runs = self.remove("runs", RUNS, self.cutoff(age)).await?;
+            let note = |batch: &str| TenantLog::Decisions.note_removal(&format!("j.run_id IN (SELECT j.id {batch})"));
+            removed.runs = self.remove("runs", RUNS, self.cutoff(age), note).await?;
         }
         if let Some(age) = policy.jobs {
             removed.jobs = self.remove_jobs(self.cutoff(age)).await?;
@@ -191,7 +197,9 @@ impl<S: RetentionSteps> Retention for S {
             removed.programs = self.remove_programs(self.cutoff(age)).await?;
         }
         if let Some(age) = policy.events {
-            removed.events = self.remove("job_events", EVENTS, self.cutoff(age)).await?;
+            let note =
+                |batch: &str| TenantLog::Events.note_removal(&format!("j.sequence IN (SELECT j.sequence {batch})"));
+            removed.events = self.remove("job_events", EVENTS, self.cutoff(age), note).await?;
         }
         if let Some(age) = policy.audit {
             let cutoff = self.cutoff(age);

@@ -1,7 +1,7 @@
 //! Jobs, their reports and events in SQLite.
 
 use async_trait::async_trait;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection, SqliteExecutor};
+use sqlx::{AssertSqlSafe, QueryBuilder, Row, Sqlite, SqliteConnection, SqliteExecutor};
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -15,6 +15,7 @@ use crate::jobs::{
 use crate::page::{Page, PageRequest};
 use crate::sql::fault::is_reference;
 use crate::sql::jobs::{PackedReport, check_new, created, detail, event, job, missing, packed, report, scope};
+use crate::sql::logs::{OF_JOB, TenantLog};
 use crate::sql::pages::page_of;
 use crate::sql::record::{parsed, signed, tenant, unsigned};
 use crate::tenant::Tenant;
@@ -227,6 +228,8 @@ impl Jobs for SqliteStore {
                 if etag.is_some_and(|etag| etag != current) {
                     return Err(StoreError::EtagMismatch { kind: Kind::Job, id: id.to_string(), current });
                 }
+                let note = AssertSqlSafe(TenantLog::Decisions.note_removal(OF_JOB));
+                sqlx::query(note).bind(id.to_string()).execute(&mut tx.connection).await?;
                 sqlx::query("DELETE FROM jobs WHERE id = ?").bind(id.to_string()).execute(&mut tx.connection).await?;
                 let now_us = tx.now_us();
                 log(tx, (job.tenant, id), Some(job.state), None, now_us, "deleted").await.map(drop)

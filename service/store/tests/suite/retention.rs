@@ -4,12 +4,13 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use feedwave_store::{
-    CHUNK_BYTES, JobState, NewJob, ProgramId, Removed, RetentionPolicy, Store, StoreError, Tenant, UploadStart,
+    CHUNK_BYTES, JobState, LogPlace, NewDecision, NewJob, NewRun, ProgramId, Removed, RetentionPolicy, RunCommit,
+    RunKind, RunState, Store, StoreError, Tenant, UploadStart,
 };
 
 use tempfile::TempDir;
 
-use super::{Place, new_job, open};
+use super::{Place, json, new_job, open};
 
 /// Bytes that do not compress.
 fn noise(mut state: u64, bytes: u64) -> Bytes {
@@ -103,4 +104,44 @@ async fn a_dry_run_counts_the_programs_of_the_jobs_that_go() {
     let foreseen = store.expired(&policy(Some(Duration::ZERO))).await.unwrap();
     assert_eq!(foreseen, Removed { jobs: 1, programs: 3, ..Removed::default() });
     assert_eq!(store.remove_expired(&policy(Some(Duration::ZERO))).await.unwrap(), foreseen);
+}
+
+#[tokio::test]
+async fn what_is_removed_of_a_log_is_known_afterwards() {
+    let place = Place::new();
+    let store = open(&place).await;
+    let program = store.put_program(Tenant::DEFAULT, noise(1, 100)).await.unwrap().id;
+    let mut jobs = Vec::new();
+    for name in ["removed by a client", "whose run is too old", "stays"] {
+        let job = ready(&store, new_job(name, program)).await;
+        let new = NewRun { job_id: job, kind: RunKind::Telemetry, settings: json("{}"), monitor: "m".into() };
+        let run = store.create_run(new).await.unwrap();
+        let decision = NewDecision { number: 0, action: "stop", body: "d".into(), raises_condition: false };
+        let end = (name != "stays").then(|| (RunState::Finished, String::new()));
+        let commit = RunCommit { decisions: vec![decision], end, ..RunCommit::default() };
+        store.commit_run(run.run.id, run.attachment, commit).await.unwrap();
+        jobs.push(job);
+    }
+    let all = store.log_places(Tenant::DEFAULT).await.unwrap();
+    assert_eq!((all.events.removed, all.decisions), (0, LogPlace { newest: 3, removed: 0 }));
+
+    store.delete_job(jobs[0], None).await.unwrap();
+    assert_eq!(store.log_places(Tenant::DEFAULT).await.unwrap().decisions, LogPlace { newest: 3, removed: 1 });
+    let policy = RetentionPolicy { runs: Some(Duration::ZERO), ..RetentionPolicy::default() };
+    assert_eq!(store.remove_expired(&policy).await.unwrap().runs, 1);
+    assert_eq!(store.log_places(Tenant::DEFAULT).await.unwrap().decisions, LogPlace { newest: 3, removed: 2 });
+
+    // Places of what is gone are not given again, and stay the newest ones.
+    let newest = store.latest_sequence();
+    let policy = RetentionPolicy { events: Some(Duration::ZERO), ..RetentionPolicy::default() };
+    assert!(store.remove_expired(&policy).await.unwrap().events > 0);
+    let places = store.log_places(Tenant::DEFAULT).await.unwrap();
+    assert_eq!(places.events, LogPlace { newest, removed: newest });
+    let other = store.log_places("other".parse().unwrap()).await.unwrap();
+    assert_eq!((other.events, other.decisions), (LogPlace::default(), LogPlace::default()));
+
+    // The store is the same when it is opened again, and another one elsewhere.
+    store.close().await;
+    assert_eq!(open(&place).await.log_places(Tenant::DEFAULT).await.unwrap(), places);
+    assert_ne!(open(&Place::new()).await.log_places(Tenant::DEFAULT).await.unwrap().store, places.store);
 }
