@@ -178,7 +178,7 @@ pub const ROUTES: [RouteEntry; 17] = [
         "/metrics",
         "text/plain",
         "Prometheus text format",
-        "Figures of the service and of machines; OpenMetrics where `Accept` asks for it.",
+        "Figures of the service and of machines; OpenMetrics where `Accept` prefers it.",
     ),
     text(Route::GetHealth, "/healthz", "text/plain", "`ok`", "Whether the process lives."),
     text(

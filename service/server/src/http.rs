@@ -394,8 +394,7 @@ async fn get_metrics(api: Api, headers: HeaderMap) -> Answer {
         Some(_) => figures_of_tenant(&api).await?,
         None => figures_of_process(&api).await,
     };
-    let mut accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
-    let (content_type, text) = if accepted.any(open::is_accepted) {
+    let (content_type, text) = if open::is_preferred(&headers) {
         (open::CONTENT_TYPE, open::write(&families))
     } else {
         (prometheus::TEXT_FORMAT, text_of(&families))

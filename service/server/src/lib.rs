@@ -3,6 +3,7 @@
 //! Machining happens in the pure crates; [`engine`] runs them on blocking threads and feeds them; [`api`] and [`http`]
 //! are the two doors. Messages are converted in `feedwave-contract`, once on entry and once on exit.
 
+mod accept;
 pub mod access;
 pub mod api;
 mod audit;

@@ -2,7 +2,10 @@
 
 use std::fmt::Write as _;
 
+use http::HeaderMap;
 use prometheus::proto::{LabelPair, MetricFamily, MetricType};
+
+use crate::accept::{self, Offer};
 
 /// The type of the form.
 pub(crate) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -10,14 +13,13 @@ pub(crate) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0
 /// Units in which names of metrics end here.
 const UNITS: [&str; 6] = ["seconds", "bytes", "meters", "hertz", "meters_per_second", "meters_per_second_squared"];
 
-/// Whether a client accepts the form.
-pub(crate) fn is_accepted(accept: &str) -> bool {
-    let entry = |entry: &str| {
-        let mut parts = entry.split(';').map(str::trim);
-        let is_named = parts.next().is_some_and(|name| name.eq_ignore_ascii_case("application/openmetrics-text"));
-        is_named && !parts.any(|parameter| matches!(parameter, "q=0" | "q=0.0"))
-    };
-    accept.split(',').any(entry)
+/// The forms of figures: whether it is this one.
+const OFFERS: [Offer<bool>; 2] =
+    [Offer { form: false, types: &["text/plain"] }, Offer { form: true, types: &["application/openmetrics-text"] }];
+
+/// Whether a client prefers this form to the plain one.
+pub(crate) fn is_preferred(headers: &HeaderMap) -> bool {
+    accept::preferred(headers, &OFFERS).unwrap_or(false)
 }
 
 /// Writes families of metrics.
@@ -109,12 +111,15 @@ mod tests {
     }
 
     #[test]
-    fn the_form_is_sent_to_who_asks_for_it() {
+    fn the_form_is_sent_to_who_prefers_it() {
+        let is_preferred =
+            |accept: &str| is_preferred(&HeaderMap::from_iter([(http::header::ACCEPT, accept.parse().unwrap())]));
         let of_prometheus = "application/openmetrics-text;version=1.0.0,application/openmetrics-text;version=0.0.1;q=0.75,\
                              text/plain;version=0.0.4;q=0.5,*/*;q=0.1";
-        assert!(is_accepted(of_prometheus));
-        for accept in ["", "*/*", "text/plain", "application/openmetrics-text;q=0"] {
-            assert!(!is_accepted(accept), "{accept}");
+        assert!(is_preferred(of_prometheus));
+        let of_others = "text/plain;version=0.0.4, application/openmetrics-text;q=0.5";
+        for accept in ["", "*/*", "text/plain", "application/openmetrics-text;q=0", of_others] {
+            assert!(!is_preferred(accept), "{accept}");
         }
     }
 }
