@@ -178,7 +178,7 @@ pub(crate) struct Agent {
     observations: Arc<Mutex<Observations>>,
     /// Sequence number of the next observation.
     next: Arc<watch::Sender<u64>>,
-    /// Start of the agent, s since the Unix epoch: the numbers begin anew with it.
+    /// Start of the agent, µs since the Unix epoch, so that no two starts have the same: the numbers begin anew with it.
     instance: u64,
     sender: Arc<str>,
 }
@@ -200,7 +200,7 @@ impl Agent {
         Self {
             observations: Arc::new(Mutex::new(Observations::new(buffer_size, now_us))),
             next: Arc::new(watch::Sender::new(1)),
-            instance: u64::try_from(now_us / 1_000_000).unwrap_or(1).max(1),
+            instance: u64::try_from(now_us).unwrap_or(1).max(1),
             sender: host.into(),
         }
     }
@@ -343,6 +343,12 @@ mod tests {
         agent.observations().observe(0, &state(Execution::Stopped, 9, 7), 0);
         let expected = ["UNAVAILABLE", "READY", "ACTIVE", "PROGRAM_COMPLETED", "UNAVAILABLE", "STOPPED", "UNAVAILABLE"];
         assert_eq!(executions(&agent), expected);
+    }
+
+    #[test]
+    fn no_two_agents_are_the_same_instance() {
+        let instances: BTreeSet<u64> = (0..10).map(|_| Agent::new(1).instance).collect();
+        assert_eq!(instances.len(), 10);
     }
 
     #[test]

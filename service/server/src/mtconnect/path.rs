@@ -1,6 +1,7 @@
 //! The part of XPath 1.0 that clients of an agent write: `/`, `//`, names, `*`, predicates of attributes with `and` and
 //! `or`, and `|` between paths. It selects elements of the probe document.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use super::buffer::ItemKey;
@@ -42,7 +43,7 @@ struct Step {
 struct Node<'a> {
     parent: Option<usize>,
     name: &'a str,
-    attributes: Vec<(&'a str, &'a str)>,
+    attributes: Vec<(&'a str, Cow<'a, str>)>,
     item: Option<ItemKey>,
 }
 
@@ -103,8 +104,9 @@ fn tree<'a>(devices: impl Iterator<Item = (u32, &'a Device)>) -> Vec<Node<'a>> {
         let mut places: Vec<[usize; 3]> = Vec::new();
         for component in &device.components {
             let parent = component.parent.map_or(all, |parent| places[parent][2]);
-            let name = component.name.as_deref().map(|name| ("name", name));
-            let attributes = [("id", component.id.as_str())].into_iter().chain(name).collect();
+            let name = component.name.as_deref().map(|name| ("name", name.into()));
+            let uuid = component.parent.is_none().then(|| ("uuid", device.uuid().into()));
+            let attributes = [("id", component.id.as_str().into())].into_iter().chain(name).chain(uuid).collect();
             let own = add(Some(parent), component.kind, attributes, None);
             let items = add(Some(own), "DataItems", Vec::new(), None);
             places.push([own, items, add(Some(own), "Components", Vec::new(), None)]);
@@ -119,7 +121,7 @@ fn tree<'a>(devices: impl Iterator<Item = (u32, &'a Device)>) -> Vec<Node<'a>> {
             ];
             let attributes = [("id", item.id.as_str()), ("type", item.kind), ("category", item.category.name())];
             let given = optional.into_iter().filter_map(|(name, value)| Some((name, value?)));
-            let attributes = attributes.into_iter().chain(given).collect();
+            let attributes = attributes.into_iter().chain(given).map(|(name, value)| (name, value.into())).collect();
             add(Some(places[item.component][1]), "DataItem", attributes, Some((number, index)));
         }
     }
@@ -285,6 +287,7 @@ mod tests {
         assert_eq!(ids("//Path//DataItem[@category='CONDITION'] | //Device/DataItems/DataItem").unwrap().len(), 4);
         let of_lathe = devices()[0].items.len();
         assert_eq!(ids("//Device[@id='lathe']").unwrap().len(), of_lathe);
+        assert_eq!(ids("//Device[@uuid='feedwave.lathe']").unwrap().len(), of_lathe);
     }
 
     #[test]

@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use http::{HeaderMap, StatusCode, header};
+use http::{HeaderMap, StatusCode};
 use percent_encoding::percent_decode_str;
 
 use super::buffer::ItemKey;
 use super::path::{self, PathError};
 use super::{Agent, Observations};
+use crate::accept::{self, Offer};
 
 /// Observations of an answer where the client does not say.
 const DEFAULT_COUNT: i64 = 100;
@@ -47,6 +48,14 @@ pub(super) enum Form {
     Json,
 }
 
+const FORMS: [Offer<Form>; 2] = [
+    Offer {
+        form: Form::Xml,
+        types: &["application/xml", "text/xml", "application/mtconnect+xml", "application/xhtml+xml"],
+    },
+    Offer { form: Form::Json, types: &["application/mtconnect+json", "application/json", "text/json"] },
+];
+
 impl Form {
     pub(super) const fn content_type(self) -> &'static str {
         match self {
@@ -55,22 +64,14 @@ impl Form {
         }
     }
 
-    /// The form that a request is answered in: as `format` says, as the first type of `Accept` that is one of them, or XML.
+    /// The form that a request is answered in: as `format` says, as `Accept` prefers, or XML.
     pub(super) fn of(parameters: &Parameters, headers: &HeaderMap) -> Self {
         match parameters.get("format") {
             Some("json") => return Self::Json,
             Some("xml") => return Self::Xml,
             _ => {}
         }
-        let accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
-        let types =
-            accepted.flat_map(|value| value.split(',')).map(|entry| entry.split(';').next().unwrap_or(entry).trim());
-        let form = |name: &str| match name {
-            name if name.ends_with("json") => Some(Self::Json),
-            name if name.ends_with("xml") => Some(Self::Xml),
-            _ => None,
-        };
-        types.filter_map(form).next().unwrap_or(Self::Xml)
+        accept::preferred(headers, &FORMS).unwrap_or(Self::Xml)
     }
 }
 
@@ -123,8 +124,12 @@ pub(super) enum Target {
 }
 
 /// What is asked, and of which device; `None`: of all.
+///
+/// A path of one segment that is a request is that request, one of two whose last one is `probe`, `current` or `sample` is of the device
+/// that the first one names, whatever that is called: `/assets` asks for assets, `/assets/current` for the machine `assets`.
 pub(super) fn target(path: &str) -> Result<(Target, Option<String>), Refusal> {
     let invalid = || Refusal::new(StatusCode::NOT_FOUND, "INVALID_URI", format!("{} is not answered", shortened(path)));
+    let no_assets = || Refusal::new(StatusCode::NOT_FOUND, "UNSUPPORTED", "this agent has no assets");
     let decoded: Vec<String> = path
         .split('/')
         .filter(|segment| !segment.is_empty())
@@ -136,18 +141,20 @@ pub(super) fn target(path: &str) -> Result<(Target, Option<String>), Refusal> {
         "sample" => Some(Target::Sample),
         _ => None,
     };
+    let is_of_assets = |word: &str| matches!(word, "asset" | "assets");
     let segments: Vec<&str> = decoded.iter().map(String::as_str).collect();
-    if segments.iter().take(2).any(|segment| matches!(*segment, "asset" | "assets")) {
-        let message = "this agent has no assets";
-        return Err(Refusal::new(StatusCode::NOT_FOUND, "UNSUPPORTED", message));
-    }
     match segments.as_slice() {
         [] => Ok((Target::Probe, None)),
+        [word] if is_of_assets(word) => Err(no_assets()),
         [word] => Ok(match verb(word) {
             Some(target) => (target, None),
             None => (Target::Probe, Some((*word).to_owned())),
         }),
-        [device, word] => Ok((verb(word).ok_or_else(invalid)?, Some((*device).to_owned()))),
+        [device, word] => match verb(word) {
+            Some(target) => Ok((target, Some((*device).to_owned()))),
+            None if is_of_assets(device) || is_of_assets(word) => Err(no_assets()),
+            None => Err(invalid()),
+        },
         _ => Err(invalid()),
     }
 }
@@ -329,12 +336,18 @@ mod tests {
         assert_eq!(target("/lathe"), Ok((Target::Probe, Some("lathe".to_owned()))));
         assert_eq!(target("/lathe/sample"), Ok((Target::Sample, Some("lathe".to_owned()))));
         assert_eq!(target("/current/"), Ok((Target::Current, None)));
+        // Machines may be called as requests are.
+        for name in ["probe", "current", "sample", "asset", "assets"] {
+            assert_eq!(target(&format!("/{name}/current")), Ok((Target::Current, Some(name.to_owned()))));
+            assert_eq!(target(&format!("/{name}/probe")), Ok((Target::Probe, Some(name.to_owned()))));
+        }
         for (path, code) in [
             ("/lathe/nothing", "INVALID_URI"),
             ("/a/b/c", "INVALID_URI"),
             ("/assets", "UNSUPPORTED"),
             ("/asset/7", "UNSUPPORTED"),
             ("/lathe/assets", "UNSUPPORTED"),
+            ("/assets/assets", "UNSUPPORTED"),
         ] {
             assert_eq!(target(path).unwrap_err().code, code, "{path}");
         }
@@ -378,13 +391,15 @@ mod tests {
     fn the_form_is_as_asked_or_xml() {
         let form = |query: &str, accept: &'static str| {
             let mut headers = HeaderMap::new();
-            headers.insert(header::ACCEPT, http::HeaderValue::from_static(accept));
+            headers.insert(http::header::ACCEPT, http::HeaderValue::from_static(accept));
             Form::of(&Parameters::parse(Some(query)), &headers)
         };
         assert_eq!(form("", "*/*"), Form::Xml);
         assert_eq!(form("", "application/json"), Form::Json);
         assert_eq!(form("", "application/mtconnect+json;q=0.5"), Form::Json);
         assert_eq!(form("", "text/html, text/xml, application/json"), Form::Xml);
+        assert_eq!(form("", "text/xml;q=0.4, application/json;q=0.5"), Form::Json);
+        assert_eq!(form("", "application/json;q=0"), Form::Xml);
         assert_eq!(form("format=json", "text/xml"), Form::Json);
         assert_eq!(form("format=xml", "application/json"), Form::Xml);
     }
