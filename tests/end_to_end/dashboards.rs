@@ -35,7 +35,8 @@ async fn jobs_and_their_reports_are_the_messages_of_the_contract_as_json() {
 async fn what_has_not_changed_is_not_sent_again_and_cursors_name_what_is_new() {
     let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
-    clients.submit("G0 X1. Z1.\nM30\n").await;
+    let job = clients.submit("G0 X1. Z1.\nM30\n").await.job;
+    let program = format!("/v1/{}", job.program);
     let web = server.web();
     // The state also counts the worker, which is at its job for a moment after the job is ready.
     let idle = async {
@@ -43,7 +44,8 @@ async fn what_has_not_changed_is_not_sent_again_and_cursors_name_what_is_new() {
     };
     patiently(idle).await;
 
-    for path in ["/v1/jobs", "/v1/events", "/v1/state"] {
+    let part = format!("{program}?offset=3&length=2");
+    for path in ["/v1/jobs", "/v1/events", "/v1/state", &program, &part] {
         let first = web.get(path).await;
         let tag = first.header("etag").to_owned();
         assert!(tag.starts_with('"'), "{path}: {tag:?} is not a strong entity tag");

@@ -151,9 +151,9 @@ pub const ROUTES: [RouteEntry; 17] = [
         "`text/event-stream`",
         "What happens, as server-sent events whose data is a message as JSON: `state` (MachineState; at first of every \
          machine, then of each that changes, five times a second at most), `gone` (of a machine that was deleted, its name), \
-         `job` (JobEvent), `decision` (Decision). An `id` is the places in the logs of jobs and of decisions; \
-         `Last-Event-ID` goes on behind it, and where it is of another store or too far behind, `reset` says that the lists \
-         are to be read anew. A comment comes where there is nothing to say for `http.heartbeat_s`.",
+         `job` (JobEvent), `decision` (Decision). An `id` names the store, the tenant and the records of both logs \
+         that were told last; `Last-Event-ID` goes on behind it, and where it is of another store, too far behind or from before \
+         records that were removed, `reset` says that the lists are to be read anew. A comment comes where there is nothing to say for `http.heartbeat_s`.",
     ),
     RouteEntry {
         parameters: Some("ReadProgramRequest"),

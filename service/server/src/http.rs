@@ -1,5 +1,5 @@
 //! The HTTP port for dashboards, Prometheus, probes and the page, read-only but for what the page calls (`calls`). Bodies are the protobuf JSON mapping of the
-//! contract's messages, errors that of `google.rpc.Status`. Every answer under `/v1` has a strong entity tag, so
+//! contract's messages, errors that of `google.rpc.Status`. Every answer under `/v1` but the stream has a strong entity tag, so
 //! that polling for what has not changed costs a 304.
 
 mod bounds;
@@ -16,7 +16,7 @@ use axum::Router;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequestParts, Path, RawQuery, Request, State};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
@@ -287,23 +287,26 @@ async fn get_machine_state(api: Api, id: Id, _: NoParameters, headers: HeaderMap
 /// Most bytes of a program in one answer.
 const MAX_PROGRAM_BYTES: u64 = 4 << 20;
 
-async fn read_program(api: Api, id: Id, RawQuery(raw): RawQuery) -> Answer {
+async fn read_program(api: Api, id: Id, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     let mut query = Query::parse(raw.as_deref());
     let (offset, length): (u64, u64) = (query.number("offset"), query.number("length"));
     query.finish()?;
     let length = if length == 0 { MAX_PROGRAM_BYTES } else { length.min(MAX_PROGRAM_BYTES) };
     let request = ReadProgramRequest { name: name("programs", id)?, offset, length };
     let pieces: Vec<_> = api.read_program(request).await?.map_ok(|piece| piece.data).try_collect().await?;
-    let headers = [
-        (header::CONTENT_TYPE, "text/plain"),
+    let body = Tagged::of_type(pieces.concat(), HeaderValue::from_static("text/plain"));
+    let mut response = body.response(&headers);
+    for (name, value) in [
         // Another program has another name.
         (header::CACHE_CONTROL, "private, max-age=86400, immutable"),
         // A program that one client may read another may not.
         (header::VARY, "authorization, x-feedwave-tenant"),
         // Whatever is in it, it is no page.
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    ];
-    Ok((headers, pieces.concat()).into_response())
+    ] {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    Ok(response)
 }
 
 async fn list_decisions(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
@@ -450,6 +453,6 @@ async fn unknown_path(request: Request) -> HttpError {
 async fn wrong_method() -> Response {
     let status = tonic::Status::unimplemented("this port is read-only: use GET or HEAD");
     let mut response = json_response(StatusCode::METHOD_NOT_ALLOWED, json::status_to_string(&status));
-    response.headers_mut().insert(header::ALLOW, header::HeaderValue::from_static("GET,HEAD"));
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET,HEAD"));
     response
 }

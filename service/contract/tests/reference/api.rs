@@ -25,7 +25,7 @@ const ROUTES_HEAD: &str = "
 
 The read-only port for dashboards, Prometheus and probes (`http.listen`, 8080 where nothing else is configured). Every route answers
 GET and HEAD. Parameters are the fields of a request by their names in JSON; an unknown one is refused. Errors are
-`google.rpc.Status` in JSON with the fitting status code. Answers under `/v1` have an entity tag: with `If-None-Match` what has not
+`google.rpc.Status` in JSON with the fitting status code. Answers under `/v1` but the stream have an entity tag: with `If-None-Match` what has not
 changed is answered by 304. `/v1/openapi.json` says the same for machines. Besides, the port answers the methods that its
 [page](shop-floor.md#the-page) calls, by gRPC-Web.
 
