@@ -44,7 +44,7 @@ def holds(document, entry, status, body):
     response = responses.get(str(status), responses["default"])
     if "$ref" in response:
         response = document["components"]["responses"][response["$ref"].rsplit("/", 1)[1]]
-    (media_type, content), = response["content"].items()
+    media_type, content = next(iter(response["content"].items()))
     if media_type == "application/json":
         schema = {**content["schema"], "components": document["components"]}
         jsonschema.validate(json.loads(body), schema, cls=jsonschema.Draft202012Validator)

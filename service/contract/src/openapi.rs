@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use crate::comments::Comments;
 use crate::proto::DESCRIPTORS;
-use crate::routes::{Body, ROUTES, RouteEntry};
+use crate::routes::{Body, ROUTES, Route, RouteEntry};
 
 const PACKAGE: &str = "feedwave.v1";
 
@@ -47,6 +47,18 @@ pub fn document() -> Value {
                     "name": "if-none-match",
                     "in": "header",
                     "description": "Entity tags of what the client has: what has not changed is answered by 304.",
+                    "schema": { "type": "string" },
+                },
+                "LastEventId": {
+                    "name": "last-event-id",
+                    "in": "header",
+                    "description": "Id of the last event that the client was told: the stream goes on behind it.",
+                    "schema": { "type": "string" },
+                },
+            },
+            "headers": {
+                "ETag": {
+                    "description": "Strong entity tag: it changes with the answer.",
                     "schema": { "type": "string" },
                 },
             },
@@ -100,34 +112,62 @@ fn path_item(entry: &RouteEntry, schemas: &mut Schemas) -> Value {
     for field in entry.parameters.into_iter().flat_map(|request| query_fields(&message(request))) {
         parameters.push(query_parameter(&field));
     }
-    let mut responses = Map::new();
-    let (content_type, schema) = match entry.body {
-        Body::Message(name) => {
-            schemas.want(&message(name));
-            ("application/json", reference(name))
-        }
-        Body::Text { media_type, .. } => (media_type, json!({ "type": "string" })),
-        Body::Json(_) => ("application/json", json!({ "type": "object" })),
-    };
-    if matches!(entry.body, Body::Message(_) | Body::Json(_)) {
-        parameters.push(json!({ "$ref": "#/components/parameters/IfNoneMatch" }));
-        responses.insert("304".to_owned(), json!({ "description": "Not changed." }));
+    if entry.route == Route::Follow {
+        parameters.push(json!({ "$ref": "#/components/parameters/LastEventId" }));
     }
-    responses.insert(
-        "200".to_owned(),
-        json!({ "description": "The answer.", "content": { content_type: { "schema": schema } } }),
-    );
-    responses.insert("default".to_owned(), json!({ "$ref": "#/components/responses/Error" }));
-    let mut operation = lower_first(&format!("{:?}", entry.route));
-    operation.retain(char::is_alphanumeric);
-    json!({
-        "get": {
-            "operationId": operation,
+    if has_tag(entry) {
+        parameters.push(json!({ "$ref": "#/components/parameters/IfNoneMatch" }));
+    }
+    let name = format!("{:?}", entry.route);
+    let operation = |id: String, content: Option<Value>| {
+        json!({
+            "operationId": id,
             "description": entry.purpose,
             "parameters": parameters,
-            "responses": responses,
-        },
+            "responses": responses(has_tag(entry), content),
+        })
+    };
+    json!({
+        "get": operation(lower_first(&name), Some(content(entry, schemas))),
+        "head": operation(format!("head{name}"), None),
     })
+}
+
+/// Whether answers have an entity tag.
+fn has_tag(entry: &RouteEntry) -> bool {
+    matches!(entry.body, Body::Message(_) | Body::Json(_)) || entry.route == Route::ReadProgram
+}
+
+/// The forms of an answer.
+fn content(entry: &RouteEntry, schemas: &mut Schemas) -> Value {
+    let text = json!({ "schema": { "type": "string" } });
+    match entry.body {
+        Body::Message(name) => {
+            schemas.want(&message(name));
+            json!({ "application/json": { "schema": reference(name) } })
+        }
+        Body::Json(_) => json!({ "application/json": { "schema": { "type": "object" } } }),
+        Body::Text { media_type, .. } if entry.route == Route::GetMetrics => {
+            json!({ media_type: text, "application/openmetrics-text": text })
+        }
+        Body::Text { media_type, .. } => json!({ media_type: text }),
+    }
+}
+
+/// The answers of an operation; none has a body where there is no content.
+fn responses(has_tag: bool, content: Option<Value>) -> Value {
+    let mut success = json!({ "description": "The answer." });
+    let mut failure = json!({ "$ref": "#/components/responses/Error" });
+    match content {
+        Some(content) => success["content"] = content,
+        None => failure = json!({ "description": "What went wrong, by its status alone." }),
+    }
+    if !has_tag {
+        return json!({ "200": success, "default": failure });
+    }
+    let tag = json!({ "ETag": { "$ref": "#/components/headers/ETag" } });
+    success["headers"] = tag.clone();
+    json!({ "200": success, "304": { "description": "Not changed.", "headers": tag }, "default": failure })
 }
 
 /// The fields of a request that are parameters of the query: all but the name of a resource, which is in the path.
@@ -271,6 +311,26 @@ mod tests {
             let place = reference.strip_prefix('#').unwrap();
             assert!(document.pointer(place).is_some(), "{reference}");
         }
+    }
+
+    #[test]
+    fn operations_say_what_is_sent_besides_the_body() {
+        let document = document();
+        let operation = |path: &str, method: &str| document["paths"][path][method].clone();
+        for (path, item) in document["paths"].as_object().unwrap() {
+            let is_tagged = path.starts_with("/v1/") && path != "/v1/stream";
+            for method in ["get", "head"] {
+                let responses = &item[method]["responses"];
+                let has_tag = responses["200"]["headers"]["ETag"].is_object();
+                let is_conditional = responses["304"]["headers"]["ETag"].is_object();
+                assert_eq!((has_tag, is_conditional), (is_tagged, is_tagged), "{path}");
+                assert_eq!(responses["200"]["content"].is_object(), method == "get", "{path}");
+            }
+        }
+        let figures = &operation("/metrics", "get")["responses"]["200"]["content"];
+        assert!(figures["text/plain"].is_object() && figures["application/openmetrics-text"].is_object());
+        let stream = operation("/v1/stream", "get")["parameters"].to_string();
+        assert!(stream.contains("LastEventId"), "{stream}");
     }
 
     #[test]
