@@ -42,6 +42,7 @@ mod spindle_changes;
 mod status;
 mod strangers;
 mod streaming;
+mod take_over;
 mod telemetry;
 mod tenants;
 mod thinning;

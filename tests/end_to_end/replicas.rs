@@ -11,15 +11,20 @@ use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
     AcknowledgeConditionRequest, Availability, CancelJobRequest, CreateMachineRequest, DeleteJobRequest,
     DeleteMachineRequest, Escalation, Execution, GetJobRequest, GetMachineRequest, JobState, Machine, MachineState,
-    OverrideBounds, SetMonitoringRequest, WatchJobsRequest,
+    OverrideBounds, RunSettings, SetMonitoringRequest, WatchJobsRequest,
 };
-use feedwave_tests::{Chance, Clients, Home, LIVE_PART, Left, RunLedger, Server, live_config, patiently, shared_store};
+use feedwave_tests::{
+    Chance, Clients, Home, LIVE_PART, Left, LiveClient, RunLedger, Server, live_config, patiently, shared_store,
+};
 use tokio::task::JoinSet;
+use tonic::Code;
 use tonic::transport::Endpoint;
 
 use crate::FEEDWAVE;
 use crate::live_runs::{batch, config};
 use crate::shop_floor::{Ingest, Live, Watch, monitored};
+use crate::status::assert_error;
+use crate::take_over::{abort, error_of, hold};
 use crate::validation_queue::{begins, create_endless};
 
 async fn replicas<const N: usize>() -> [Server; N] {
@@ -238,6 +243,34 @@ async fn what_a_machine_does_is_seen_at_every_replica() {
     for watch in [&mut watch, &mut watch_first] {
         let state = watch.until(|state| state.run.is_none()).await;
         assert_eq!(state.execution(), Execution::Idle);
+    }
+}
+
+#[tokio::test]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn a_run_that_is_taken_up_at_one_replica_ends_its_stream_at_another() {
+    let [first, second] = replicas::<2>().await;
+    let job = monitored(&first, config()).await;
+    let mut watches = [Watch::open(&first, "machines/lathe").await, Watch::open(&second, "machines/lathe").await];
+    let channel = first.connect().await.channel;
+    let mut former = LiveClient::begin(channel, &job, RunSettings::default()).await.expect("a run");
+    former.reach(1_000).await.expect("setpoints");
+    for watch in &mut watches {
+        watch.until(|state| state.execution() == Execution::Running).await;
+    }
+    let channel = second.connect().await.channel;
+    let mut newer = LiveClient::take_up(channel, &former.started.run, 1_000).await.expect("the run is taken up");
+    assert_error(&error_of(&mut former).await, Code::Aborted, "RUN_TAKEN_UP");
+    hold(&mut newer, &mut watches[0]).await;
+    for server in [&first, &second] {
+        let mut watch = Watch::open(server, "machines/lathe").await;
+        let state = watch.until(|state| state.execution() == Execution::Held).await;
+        assert_eq!((state.availability(), state.other_runs), (Availability::Available, 0));
+    }
+    abort(&mut newer).await;
+    for watch in &mut watches {
+        let state = watch.until(|state| state.availability() == Availability::Unavailable).await;
+        assert_eq!(state.execution(), Execution::Stopped);
     }
 }
 

@@ -10,15 +10,16 @@ use feedwave_contract::proto::runs_client::RunsClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
     AcknowledgeConditionRequest, Availability, ConditionSeverity, CreateMachineRequest, DeleteJobRequest,
-    DeleteMachineRequest, Escalation, Execution, GetMachineRequest, IngestRequest, IngestStart, Machine, MachineEvent,
-    MachineState, MonitoringConfig, OverrideBounds, RunCredit, RunReceipt, RunRequest, RunResponse, RunStart,
-    SetMonitoringRequest, TelemetryBatch, WatchStateRequest, WatchStateResponse, ingest_request, ingest_start,
+    DeleteMachineRequest, Escalation, Execution, GetMachineRequest, IngestEnd, IngestRequest, IngestStart, Machine,
+    MachineEvent, MachineState, MonitoringConfig, OverrideBounds, RunCredit, RunReceipt, RunRequest, RunResponse,
+    RunStart, SetMonitoringRequest, TelemetryBatch, WatchStateRequest, WatchStateResponse, ingest_request,
+    ingest_start,
 };
 use feedwave_tests::{Server, patiently};
 use http::StatusCode;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::Streaming;
+use tonic::{Status, Streaming};
 
 use crate::FEEDWAVE;
 use crate::live_runs::{PART, batch, config};
@@ -262,21 +263,41 @@ async fn a_run_that_broke_off_has_no_values() {
 pub(crate) struct Ingest {
     requests: mpsc::Sender<IngestRequest>,
     pub(crate) run: String,
-    _responses: Streaming<feedwave_contract::proto::IngestResponse>,
+    responses: Streaming<feedwave_contract::proto::IngestResponse>,
 }
 
 impl Ingest {
     pub(crate) async fn open(server: &Server, job: String) -> Self {
+        Self::open_at(server, ingest_start::Target::Job(job)).await
+    }
+
+    pub(crate) async fn open_at(server: &Server, target: ingest_start::Target) -> Self {
         use feedwave_contract::proto::ingest_response::Message;
         let mut client = TelemetryClient::new(server.connect().await.channel);
         let (requests, outgoing) = mpsc::channel(256);
-        let start = IngestStart { target: Some(ingest_start::Target::Job(job)), sensor_time_ns: None, recording: None };
+        let start = IngestStart { target: Some(target), sensor_time_ns: None, recording: None };
         let start = IngestRequest { message: Some(ingest_request::Message::Start(start)) };
         requests.send(start).await.expect("a first message");
         let mut responses = client.ingest(ReceiverStream::new(outgoing)).await.expect("a run").into_inner();
         let first = responses.message().await.expect("an answer").and_then(|response| response.message);
         let Some(Message::Started(started)) = first else { panic!("a run begins with its start, not {first:?}") };
-        Self { requests, run: started.run, _responses: responses }
+        Self { requests, run: started.run, responses }
+    }
+
+    /// Ends the run.
+    pub(crate) async fn end(&self) {
+        let message = Some(ingest_request::Message::End(IngestEnd {}));
+        self.requests.send(IngestRequest { message }).await.expect("the service listens");
+    }
+
+    /// The error that ends the stream.
+    pub(crate) async fn error(&mut self) -> Status {
+        loop {
+            match patiently(self.responses.message()).await {
+                Ok(response) => assert!(response.is_some(), "an end without a reason"),
+                Err(status) => return status,
+            }
+        }
     }
 
     pub(crate) async fn send(&self, batch: TelemetryBatch) {

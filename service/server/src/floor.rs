@@ -39,7 +39,7 @@ pub(crate) use presence::Presence;
 
 use crate::conditional::Tagged;
 use crate::error::Result;
-use machine::{Connected, Logged, Machine};
+use machine::{Connected, Here, Logged, Machine};
 
 /// Least time between two states that a run tells of itself, unless something happens, and that a reader is given.
 pub(crate) const STATE_INTERVAL: Duration = Duration::from_millis(200);
@@ -252,22 +252,24 @@ impl Floor {
     }
 
     /// A stream of a run is connected, here or elsewhere; its ticket.
-    fn connect(&self, id: &str, view: RunView, logged: Vec<Logged>, is_elsewhere: bool) -> u64 {
+    fn connect(&self, id: &str, view: RunView, logged: Vec<Logged>, here: Option<Here>) -> u64 {
         let ticket = {
             let mut board = self.board();
             board.tickets += 1;
             board.tickets
         };
         self.change(id, |machine| {
-            if machine.resting.as_ref().is_some_and(|resting| resting.id == view.id) {
-                machine.resting = None;
-            }
             machine.know(logged);
-            // A run has one stream: where it was taken up, the former one at another replica is over, though not yet heard of.
-            machine.connected.retain(|connected| !connected.is_elsewhere || connected.view.id != view.id);
-            machine.connected.push(Connected { ticket, view, forgotten: false, is_elsewhere });
+            machine.join(Connected { ticket, view, forgotten: false, here });
         });
         ticket
+    }
+
+    /// Somebody has taken a run up: streams of it that are connected here ask whether it is still theirs.
+    fn doubt(&self, id: &str, run: Uuid) {
+        let board = self.board();
+        let connected = board.machines.get(id).into_iter().flat_map(|machine| &machine.connected);
+        connected.filter(|connected| connected.view.id == run).for_each(Connected::doubt);
     }
 
     /// What a run does now.
@@ -283,17 +285,7 @@ impl Floor {
     /// The stream is gone; what is left of its run, where it is not another stream's by now.
     fn disconnect(&self, id: &str, ticket: u64, view: Option<RunView>) {
         let mut left = None;
-        self.change(id, |machine| {
-            let Some(place) = machine.connected.iter().position(|connected| connected.ticket == ticket) else { return };
-            let Connected { forgotten, is_elsewhere, .. } = machine.connected.remove(place);
-            if let Some(view) = view.filter(|_| !forgotten) {
-                let goes_on = machine.connected.iter().any(|connected| connected.view.id == view.id);
-                if !goes_on {
-                    left = (!is_elsewhere).then(|| view.clone());
-                    machine.rest(view);
-                }
-            }
-        });
+        self.change(id, |machine| left = machine.part(ticket, view));
         let mut board = self.board();
         if let (Some(view), Some(bell)) = (left, board.bell.clone()) {
             board.left.push((id.to_owned(), view));
@@ -305,9 +297,7 @@ impl Floor {
     fn come_and_gone(&self, id: &str, view: RunView, logged: Vec<Logged>) {
         self.change(id, |machine| {
             machine.know(logged);
-            if machine.connected.iter().all(|connected| connected.view.id != view.id) {
-                machine.rest(view);
-            }
+            machine.settle(view);
         });
     }
 

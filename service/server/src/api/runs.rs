@@ -113,6 +113,7 @@ impl Api {
             Target::Job(_) => self.begin_run(&detail, start.settings.unwrap_or_default()).await?,
             Target::Run(name) => self.store.attach_run(run_id(name)?).await?,
         };
+        let presence = self.floor().taken_up(self.store.of_all_tenants(), &detail.job, &attached).await?;
         let config = pipeline_config(&detail, &run_settings(&attached.run)?)?;
         let mut violations = Violations::default();
         let conditions = config.generation_mode == GenerationMode::ServoSide;
@@ -122,7 +123,6 @@ impl Api {
         violations.finish()?;
         let started = started(&attached, &config, &columns, encoding, start.start_index)?;
         let plan = LivePlan { config, columns, first_index: start.start_index, sensor_time_ns: start.sensor_time_ns };
-        let presence = self.floor().taken_up(self.store.of_all_tenants(), &detail.job, &attached.run).await?;
         let (intake, run) = self.engine.drive(&detail, &attached, plan, guard, presence).await?;
         tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
         self.engine.spawn(take_in(messages, intake));

@@ -190,7 +190,7 @@ impl Api {
         let record = self.store.job(job).await?;
         self.caller.check_machine(&record.machine_id)?;
         let attached = self.attach(target, job, recording).await?;
-        let presence = self.floor().taken_up(self.store.of_all_tenants(), &record, &attached.run).await?;
+        let presence = self.floor().taken_up(self.store.of_all_tenants(), &record, &attached).await?;
         let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard, presence).await?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
         let started = started(&attached)?;

@@ -340,7 +340,16 @@ impl Session {
                 tracing::warn!(run = %self.run, index, %error, "no checkpoint");
                 Ok(())
             }
-            stored => Ok(stored?),
+            stored => stored.map_err(|error| self.refused(error)),
+        }
+    }
+
+    /// Why something could not be written.
+    fn refused(&self, error: StoreError) -> Error {
+        match error {
+            // By whoever took it up: what this session ends, it does not write to again.
+            StoreError::RunEnded { .. } => Error::TakenUp { run: self.run_name() },
+            error => error.into(),
         }
     }
 
@@ -386,7 +395,8 @@ impl Session {
             recorded_cuts,
             ..besides
         };
-        let records = self.store.commit_run(self.run, self.attachment, commit).await?;
+        let committed = self.store.commit_run(self.run, self.attachment, commit).await;
+        let records = committed.map_err(|error| self.refused(error))?;
         self.next_commit = on_grid(self.grid, Instant::now() + COMMIT_INTERVAL.max(interval));
         for ((message, decision), record) in decisions.iter_mut().zip(&fresh.decisions).zip(records) {
             name_decision(message, &record);

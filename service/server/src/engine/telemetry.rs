@@ -198,6 +198,8 @@ enum Wake {
     Commit,
     /// The floor is to be told how things are.
     Show,
+    /// Another client may have taken the run up.
+    Doubt,
     Ended(Error),
 }
 
@@ -222,6 +224,7 @@ impl Worker {
             let mut finished = false;
             let mut cause = None;
             let mut ended = None;
+            let mut doubted = false;
             match self.wait() {
                 Wake::Input(Some(first)) => (finished, cause) = self.gather(first)?,
                 Wake::Input(None) => {
@@ -230,12 +233,14 @@ impl Worker {
                 }
                 Wake::Silence => self.session.fall_silent()?,
                 Wake::Commit | Wake::Show => {}
+                Wake::Doubt => doubted = true,
                 Wake::Ended(error) => ended = Some(error),
             }
             // Silence counts on after the client has gone: its fallback is part of the log.
             let last = ended.is_some() || finished || (!self.open && self.session.silence_at().is_none());
             let commit_at = self.session.commit_at();
-            if finished || commit_at.is_some_and(|at| last || at <= Instant::now()) {
+            // A commit fails where the run is another client's.
+            if finished || doubted || commit_at.is_some_and(|at| last || at <= Instant::now()) {
                 self.commit(finished, cause)?;
             }
             if finished {
@@ -269,11 +274,12 @@ impl Worker {
         }
         let (silence, commit) = (until(self.session.silence_at()), until(self.session.commit_at()));
         let show = until(self.presence.due());
-        let (input, ends, open) = (&mut self.input, &self.ends, self.open);
+        let (input, ends, open, doubt) = (&mut self.input, &self.ends, self.open, self.presence.doubt());
         self.runtime.block_on(async {
             tokio::select! {
                 biased;
                 error = ends.reached() => Wake::Ended(error),
+                () = doubt.notified() => Wake::Doubt,
                 input = input.recv(), if open => Wake::Input(input),
                 () = silence => Wake::Silence,
                 () = commit => Wake::Commit,

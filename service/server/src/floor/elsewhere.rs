@@ -312,7 +312,7 @@ impl Sharing {
                 let logged = logged(&self.store, &view).await?;
                 let decision = view.activity.last_decision.as_ref().map(|decision| decision.number);
                 let feed_held = view.activity.feed_held;
-                let ticket = floor.connect(&machine_id, view, logged, true);
+                let ticket = floor.connect(&machine_id, view, logged, None);
                 heard.place = Some(Place { floor, machine_id, ticket, decision, feed_held });
             }
             (Some(place), true) => place.update(&self.store, &view).await?,
@@ -363,7 +363,7 @@ impl Floor {
             return (here, left, has_happened);
         }
         let is_wanted =
-            |connected: &&Connected| !connected.is_elsewhere && (!urgent_only || urgent.contains(&connected.view.id));
+            |connected: &&Connected| connected.here.is_some() && (!urgent_only || urgent.contains(&connected.view.id));
         for (id, machine) in &board.machines {
             let connected = machine.connected.iter().filter(is_wanted);
             here.extend(connected.map(|connected| (id.clone(), connected.view.clone())));

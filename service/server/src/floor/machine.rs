@@ -1,11 +1,13 @@
 //! One machine of the floor: its runs, what its log raised, and the state that follows.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use feedwave_contract::names;
 use feedwave_contract::proto::{
-    Availability, Execution, MachineCondition, MachineState, RunActivity, RunCondition as ConditionMessage,
+    Availability, Execution, MachineCondition, MachineState, RunActivity, RunCondition as ConditionMessage, RunKind,
 };
+use tokio::sync::Notify;
 use uuid::Uuid;
 
 use super::{MAX_LOGGED, Shown, alarms};
@@ -30,6 +32,24 @@ impl RunView {
     pub(super) fn is_available(&self) -> bool {
         self.activity.availability() == Availability::Available
     }
+
+    /// Whether it is over for good: a stop of telemetry is not, since such a run can be taken up.
+    pub(super) fn has_ended(&self) -> bool {
+        match self.activity.execution() {
+            Execution::Finished => true,
+            Execution::Stopped => self.activity.kind() == RunKind::Live,
+            _ => false,
+        }
+    }
+}
+
+/// A stream of this replica.
+#[derive(Clone, Debug)]
+pub(super) struct Here {
+    /// Counts up with every stream of the run, at whichever replica.
+    pub(super) attachment: u64,
+    /// Rung where another stream may have taken the run up: the store knows.
+    pub(super) doubt: Arc<Notify>,
 }
 
 /// A run whose stream is connected.
@@ -40,8 +60,17 @@ pub(super) struct Connected {
     pub(super) view: RunView,
     /// Its job was deleted: it is forgotten with its stream.
     pub(super) forgotten: bool,
-    /// The stream is another replica's.
-    pub(super) is_elsewhere: bool,
+    /// `None`: the stream is another replica's.
+    pub(super) here: Option<Here>,
+}
+
+impl Connected {
+    /// Another stream may have taken the run up.
+    pub(super) fn doubt(&self) {
+        if let Some(here) = &self.here {
+            here.doubt.notify_one();
+        }
+    }
 }
 
 /// A condition that a decision raised.
@@ -96,18 +125,62 @@ impl Machine {
 
     /// Runs whose clients are there, but for the one that is shown.
     pub(super) fn others(&self) -> u32 {
-        let available = self.connected.iter().filter(|connected| connected.view.is_available()).count();
-        u32::try_from(available.saturating_sub(1)).unwrap_or(u32::MAX)
+        let available = self.connected.iter().filter(|connected| connected.view.is_available());
+        let runs: BTreeSet<Uuid> = available.map(|connected| connected.view.id).collect();
+        u32::try_from(runs.len().saturating_sub(1)).unwrap_or(u32::MAX)
+    }
+
+    /// A stream is connected. A run has one stream, that of the client that took it up last: the former ones are over, though
+    /// they may not know it yet. Which one that is of two replicas' is for the store to say, which those of this one ask.
+    pub(super) fn join(&mut self, new: Connected) {
+        let run = new.view.id;
+        self.resting = self.resting.take().filter(|resting| resting.id != run);
+        if let Some(here) = &new.here {
+            let is_newer = |old: &Here| old.attachment > here.attachment;
+            if self.connected.iter().any(|old| old.view.id == run && old.here.as_ref().is_some_and(is_newer)) {
+                return new.doubt();
+            }
+        }
+        self.connected.retain(|old| {
+            if old.view.id != run {
+                return true;
+            }
+            old.doubt();
+            new.here.is_none() && old.here.is_some()
+        });
+        self.connected.push(new);
+    }
+
+    /// The stream with this ticket is gone, and this is left of its run; what others are to be told of it.
+    pub(super) fn part(&mut self, ticket: u64, view: Option<RunView>) -> Option<RunView> {
+        let place = self.connected.iter().position(|connected| connected.ticket == ticket)?;
+        let Connected { forgotten, here, .. } = self.connected.remove(place);
+        let view = view.filter(|_| !forgotten)?;
+        let is_told = self.settle(view.clone()) && here.is_some();
+        is_told.then_some(view)
+    }
+
+    /// Shows what is left of a run one of whose streams is gone, unless another one goes on with it; whether it is shown.
+    pub(super) fn settle(&mut self, view: RunView) -> bool {
+        let is_of_run = |connected: &Connected| connected.view.id == view.id;
+        if view.has_ended() {
+            // Nobody goes on with it.
+            self.connected.iter().filter(|connected| is_of_run(connected)).for_each(Connected::doubt);
+            self.connected.retain(|connected| !is_of_run(connected));
+        } else if self.connected.iter().any(is_of_run) {
+            return false;
+        }
+        self.rest(view);
+        true
     }
 
     /// Keeps what is left of a run whose stream is gone, and counts it where it came to its end. What another replica
     /// says of an earlier stream may come later.
-    pub(super) fn rest(&mut self, view: RunView) {
-        let is_finished = |view: &RunView| view.activity.execution() == Execution::Finished;
-        if self.resting.as_ref().is_some_and(|resting| resting.id == view.id && is_finished(resting)) {
+    fn rest(&mut self, view: RunView) {
+        if self.resting.as_ref().is_some_and(|resting| resting.id == view.id && resting.has_ended()) {
             return;
         }
-        self.finished += u64::from(is_finished(&view));
+        self.finished += u64::from(view.activity.execution() == Execution::Finished);
         if self.resting.as_ref().is_none_or(|resting| resting.sequence <= view.sequence) {
             self.resting = Some(view);
         }

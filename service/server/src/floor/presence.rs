@@ -1,5 +1,6 @@
 //! A run whose stream is connected, as it tells the floor of itself.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use feedwave_contract::convert::{state_to_proto, timestamp};
@@ -11,8 +12,10 @@ use feedwave_contract::proto::{
 use feedwave_monitoring::{Monitor, State};
 use feedwave_store::{DecisionRecord, Job, JobState, Run, RunCondition, RunKind, RunState};
 use jiff::Timestamp;
+use tokio::sync::Notify;
 
 use super::alarms::{self, Alarms};
+use super::machine::Here;
 use super::{Course, Floor, Logged, RunView, STATE_INTERVAL};
 use crate::error::{Error, Result};
 use crate::stored::{self, condition_to_proto, decision_from_record, run_settings};
@@ -40,6 +43,7 @@ pub(crate) struct Presence {
     floor: Floor,
     machine_id: String,
     ticket: Option<u64>,
+    here: Here,
     view: RunView,
     alarms: Alarms,
     logged: Vec<Logged>,
@@ -170,11 +174,11 @@ impl RunBase<'_> {
 }
 
 impl Floor {
-    /// A run that is to be connected.
+    /// A run that is to be connected, by the stream with this number of the run's.
     ///
     /// # Errors
     /// [`Error::Internal`] when something stored cannot be read.
-    pub(crate) fn presence(&self, base: &RunBase<'_>) -> Result<Presence> {
+    pub(crate) fn presence(&self, base: &RunBase<'_>, attachment: u64) -> Result<Presence> {
         let (view, alarms) = base.at_rest()?;
         let summary: proto::ProgramSummary = match &base.job.summary {
             Some(summary) => stored::from_stored(summary.get())?,
@@ -184,6 +188,7 @@ impl Floor {
             floor: self.clone(),
             machine_id: base.job.machine_id.clone(),
             ticket: None,
+            here: Here { attachment, doubt: Arc::new(Notify::new()) },
             view,
             alarms,
             logged: base.logged(),
@@ -218,9 +223,14 @@ impl Presence {
             self.arrive();
         }
         let logged = std::mem::take(&mut self.logged);
-        self.ticket = Some(self.floor.connect(&self.machine_id, self.view.clone(), logged, false));
+        self.ticket = Some(self.floor.connect(&self.machine_id, self.view.clone(), logged, Some(self.here.clone())));
         self.floor.ring(self.view.id);
         self.told_at = Instant::now();
+    }
+
+    /// Rings where another client may have taken the run up: only the store knows whether it has.
+    pub(crate) fn doubt(&self) -> Arc<Notify> {
+        self.here.doubt.clone()
     }
 
     /// What the run does; nothing is told by that alone.
@@ -410,21 +420,14 @@ impl Presence {
     pub(crate) fn leave(&mut self, error: Option<&Error>) {
         let Some(ticket) = self.ticket.take() else { return };
         self.unmeasure();
-        let has_ended = matches!(self.execution(), Execution::Finished | Execution::Stopped)
-            && self.view.activity.kind() == proto::RunKind::Live;
-        let is_finished = self.execution() == Execution::Finished;
         let is_stopped = self.execution() == Execution::Stopped;
         match error {
-            _ if has_ended || is_finished => {}
+            _ if self.view.has_ended() => {}
             // A stop of telemetry holds, whoever is connected.
-            None | Some(Error::Draining) if is_stopped => {}
-            None | Some(Error::Draining) => self.set_execution(Execution::Interrupted),
+            None | Some(Error::Draining | Error::TakenUp { .. }) if is_stopped => {}
+            // Of a run that was taken up the other stream tells, once it is connected.
+            None | Some(Error::Draining | Error::TakenUp { .. }) => self.set_execution(Execution::Interrupted),
             Some(Error::JobCancelled { .. }) => self.set_execution(Execution::Stopped),
-            // Another stream tells of the run.
-            Some(Error::TakenUp { .. }) => {
-                self.floor.disconnect(&self.machine_id, ticket, None);
-                return;
-            }
             Some(error) => {
                 self.set_execution(Execution::Fault);
                 self.alarms.failed(&self.view.activity.run, error, now());

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use feedwave_contract::convert::action_name;
 use feedwave_contract::proto::{Machine, RunActivity};
 use feedwave_monitoring::{Action, MonitoringConfig};
-use feedwave_store::{DecisionRecord, PageRequest, Run, Store, Tenant};
+use feedwave_store::{AttachedRun, DecisionRecord, PageRequest, Run, Store, Tenant};
 use uuid::Uuid;
 
 use super::presence::RunBase;
@@ -122,7 +122,7 @@ pub(super) fn deviation_unit(run: &Run) -> Result<&'static str> {
 }
 
 impl Floor {
-    /// A run that a client has taken up, to be connected.
+    /// A run that a client has taken up, to be connected. Whoever had it before is told at once.
     ///
     /// # Errors
     /// Those of the store, and what cannot be read of it.
@@ -130,8 +130,10 @@ impl Floor {
         &self,
         store: &Store,
         job: &feedwave_store::Job,
-        run: &Run,
+        attached: &AttachedRun,
     ) -> Result<super::Presence> {
+        let run = &attached.run;
+        self.doubt(&job.machine_id, run.id);
         let last_decision = store.last_decision(run.id).await?;
         let changes = changes(store, run.id).await?;
         let conditions = open_of(store, run.id).await?;
@@ -143,7 +145,7 @@ impl Floor {
             conditions: &conditions,
             deviation_unit: deviation_unit(run)?,
         };
-        self.presence(&base)
+        self.presence(&base, attached.attachment)
     }
 }
 

@@ -58,7 +58,7 @@ fn presence(floor: &Floor, id: u128, sequence: i64) -> Presence {
     let (job, run) = (job(1), run(id, sequence, RunState::Open));
     let base =
         RunBase { job: &job, run: &run, last_decision: None, changes: &[], conditions: &[], deviation_unit: "mm" };
-    floor.presence(&base).unwrap()
+    floor.presence(&base, 1).unwrap()
 }
 
 fn lathe(floor: &Floor) -> MachineState {
@@ -186,7 +186,7 @@ fn a_stop_of_telemetry_stays_after_a_restart_and_without_its_client() {
     assert_eq!(view.activity.execution(), Execution::Stopped);
     assert!(matches!(&view.alarms[..], [alarm] if alarm.severity() == ConditionSeverity::Fault), "{:?}", view.alarms);
     floor.put_machine("lathe", "1", "");
-    let mut presence = floor.presence(&base).unwrap();
+    let mut presence = floor.presence(&base, 1).unwrap();
     presence.connect();
     presence.follow(Execution::Stopped);
     presence.leave(None);
@@ -465,7 +465,7 @@ fn what_is_heard_late_of_an_earlier_stream_changes_no_end() {
     other.leave(None);
     let (_, mut left, _) = floor.of_this_replica(false);
     let (_, interrupted) = left.pop().unwrap();
-    let elsewhere = floor.connect("lathe", interrupted.clone(), Vec::new(), true);
+    let elsewhere = floor.connect("lathe", interrupted.clone(), Vec::new(), None);
     let mut here = presence(&floor, 10, 1);
     here.connect();
     assert_eq!(floor.of_this_replica(false).0.len(), 1, "only what is connected here is told");

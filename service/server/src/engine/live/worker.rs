@@ -40,6 +40,8 @@ enum Wake {
     Judge,
     /// The floor is to be told how things are.
     Show,
+    /// Another client may have taken the run up.
+    Doubt,
     Ended(Error),
 }
 
@@ -119,6 +121,7 @@ impl Worker {
         loop {
             let mut ended = None;
             let mut cause = None;
+            let mut doubted = false;
             match self.wait() {
                 Wake::Input(Some(first)) => cause = self.gather(first)?,
                 Wake::Input(None) => {
@@ -132,6 +135,7 @@ impl Worker {
                     self.session.fall_silent()?;
                 }
                 Wake::Commit | Wake::Show | Wake::Judge => {}
+                Wake::Doubt => doubted = true,
                 Wake::Ended(error) => ended = Some(error),
             }
             let is_reached = self.session.waiting_decisions().iter().any(|decision| change_of(decision).is_some());
@@ -155,7 +159,8 @@ impl Worker {
             if due || end.is_some() {
                 self.keep_checkpoint()?;
             }
-            if due || change.is_some() || end.is_some() {
+            // A commit fails where the run is another client's.
+            if due || doubted || change.is_some() || end.is_some() {
                 self.commit(change, end, cause)?;
             }
             if let Some(request) = request {
@@ -234,10 +239,12 @@ impl Worker {
         let within_credit = self.setpoints.next_index() < self.credit_end();
         let generates = self.open && self.total.is_none() && within_credit && self.gate.is_open(&self.setpoints);
         let (input, ends, slots) = (&mut self.input, &self.ends, self.slots.clone());
+        let doubt = self.view.presence.doubt();
         self.runtime.block_on(async {
             tokio::select! {
                 biased;
                 error = ends.reached() => Wake::Ended(error),
+                () = doubt.notified() => Wake::Doubt,
                 input = input.recv(), if open => Wake::Input(input),
                 () = silence => Wake::Silence,
                 () = commit => Wake::Commit,
