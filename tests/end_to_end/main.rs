@@ -7,6 +7,7 @@ mod access;
 mod audit;
 mod configuration;
 mod connections;
+mod contact;
 mod cross_origin;
 mod dashboards;
 mod discovery;

@@ -176,6 +176,11 @@ impl Monitor {
         self.run.contact.touching
     }
 
+    /// Whether tool and work touch in a run that is judged then: what was measured last is of a cut that goes on.
+    pub fn is_cutting(&self) -> bool {
+        self.in_contact() && matches!(self.run.state, State::Settling | State::Measuring)
+    }
+
     /// Overrides in force as far as the monitor knows.
     pub fn overrides(&self) -> Overrides {
         self.run.overrides
@@ -344,8 +349,7 @@ impl Monitor {
 
     /// Telemetry stopped: the fallback, once, if tool and work touch.
     fn fall_silent(&mut self, sink: &mut dyn FnMut(Decision)) {
-        let cutting = self.run.contact.touching && matches!(self.run.state, State::Settling | State::Measuring);
-        if !cutting || self.run.silent {
+        if !self.is_cutting() || self.run.silent {
             return;
         }
         self.run.silent = true;

@@ -282,8 +282,7 @@ impl Session {
 
     /// When silence has to be reported to the monitor; `None` while silence is harmless.
     pub(super) fn silence_at(&self) -> Option<Instant> {
-        let watches = self.monitor.in_contact() && matches!(self.monitor.state(), State::Settling | State::Measuring);
-        let arrival = self.last_arrival.filter(|_| watches && !self.silence_told);
+        let arrival = self.last_arrival.filter(|_| self.monitor.is_cutting() && !self.silence_told);
         arrival.map(|(arrival, _)| arrival + self.silence())
     }
 

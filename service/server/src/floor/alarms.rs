@@ -105,6 +105,11 @@ impl Alarms {
         was_silent
     }
 
+    /// The cut is over, and with it what was judged of it; whether that was anything.
+    pub(super) fn leave_cut(&mut self) -> bool {
+        self.process.take().is_some()
+    }
+
     /// The error that ended the stream.
     pub(super) fn failed(&mut self, run: &str, error: &Error, time: Timestamp) {
         self.error = Some(MachineCondition {

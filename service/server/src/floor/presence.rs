@@ -368,6 +368,12 @@ impl Presence {
         activity.tool = Some(monitor.tool()).filter(|tool| *tool > 0);
         let overrides = monitor.overrides();
         activity.overrides = Some(Overrides { feed: overrides.feed, spindle: overrides.spindle });
+        if !monitor.is_cutting() {
+            activity.process = None;
+            if self.alarms.leave_cut() {
+                self.happen();
+            }
+        }
     }
 
     /// What follows from the state of a monitor for what a run of telemetry does.
@@ -375,8 +381,8 @@ impl Presence {
         match monitor.state() {
             State::Stopped => Execution::Stopped,
             _ if monitor.holds_feed() => Execution::Held,
-            State::Baseline | State::IdleRunUp { .. } | State::WaitingForContact => Execution::Ready,
-            State::Settling | State::Measuring => Execution::Running,
+            _ if monitor.is_cutting() => Execution::Running,
+            _ => Execution::Ready,
         }
     }
 
