@@ -10,7 +10,7 @@ use feedwave_contract::proto::{
     MachineCondition, Overrides, RunActivity, RunProgress,
 };
 use feedwave_monitoring::{Monitor, State};
-use feedwave_store::{DecisionRecord, Job, JobState, Run, RunCondition, RunKind, RunState};
+use feedwave_store::{DecisionRecord, Job, JobState, Run, RunCondition, RunKind, RunOverride, RunState};
 use jiff::Timestamp;
 use tokio::sync::Notify;
 
@@ -31,6 +31,8 @@ pub(crate) struct RunBase<'a> {
     pub(crate) last_decision: Option<&'a DecisionRecord>,
     /// Its newest decisions that changed something, the newest first.
     pub(crate) changes: &'a [DecisionRecord],
+    /// Changes of the feed of a live run, in order.
+    pub(crate) overrides: &'a [RunOverride],
     /// Its conditions.
     pub(crate) conditions: &'a [RunCondition],
     /// Unit of the deviation.
@@ -154,14 +156,14 @@ impl RunBase<'_> {
         }
     }
 
-    /// How far a live run is, as the log has it. The share of the time is that at the programmed feed.
+    /// How far a live run is, as the log has it. The share of the time is that of the plan, under the changes of the feed so far.
     fn progress(&self, summary: &proto::ProgramSummary) -> Result<RunProgress> {
         let taken = self.run.setpoints;
         let is_finished = self.run.state == RunState::Finished;
         let period_us = run_settings(self.run)?.interpolation_period_us;
         let total = is_finished.then_some(taken.sent);
         let mut course = Course::new(f64::from(period_us) * 1e-6, summary.duration_s);
-        let progress = course.progress(&[], taken.received, taken.sent, total);
+        let progress = course.progress(self.overrides, taken.received, taken.sent, total);
         let ratio = if is_finished { 1.0 } else { progress.ratio };
         Ok(RunProgress { ratio, remaining_s: None, ..progress })
     }

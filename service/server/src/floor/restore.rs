@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use feedwave_contract::convert::action_name;
 use feedwave_contract::proto::{Machine, RunActivity};
 use feedwave_monitoring::{Action, MonitoringConfig};
-use feedwave_store::{AttachedRun, DecisionRecord, PageRequest, Run, Store, Tenant};
+use feedwave_store::{AttachedRun, DecisionRecord, PageRequest, Run, RunKind, Store, Tenant};
 use uuid::Uuid;
 
 use super::presence::RunBase;
@@ -98,11 +98,16 @@ pub(super) async fn view_of(store: &Store, run: &Run) -> Result<RunView> {
     let job = store.job(run.job_id).await?;
     let last_decision = store.last_decision(run.id).await?;
     let changes = changes(store, run.id).await?;
+    let overrides = match run.kind {
+        RunKind::Live => store.run_overrides(run.id).await?,
+        RunKind::Telemetry => Vec::new(),
+    };
     let base = RunBase {
         job: &job,
         run,
         last_decision: last_decision.as_ref(),
         changes: &changes,
+        overrides: &overrides,
         conditions: &[],
         deviation_unit: deviation_unit(run)?,
     };
@@ -142,6 +147,7 @@ impl Floor {
             run,
             last_decision: last_decision.as_ref(),
             changes: &changes,
+            overrides: &attached.overrides,
             conditions: &conditions,
             deviation_unit: deviation_unit(run)?,
         };

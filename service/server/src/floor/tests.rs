@@ -4,7 +4,7 @@ use feedwave_contract::names;
 use feedwave_contract::proto::{Availability, ConditionSeverity, DecisionAction, Execution, RunProgress};
 use feedwave_store::{
     Fingerprint, Job, JobFilter, JobState, NewJob, NewRun, PageRequest, RawValue, RetentionPolicy, Run, RunCommit,
-    RunKind, RunSetpoints, RunState, Store, StoreSettings, Tenant,
+    RunKind, RunOverride, RunSetpoints, RunState, Store, StoreSettings, Tenant,
 };
 use tokio_util::sync::CancellationToken;
 
@@ -56,8 +56,15 @@ fn run(id: u128, sequence: i64, state: RunState) -> Run {
 
 fn presence(floor: &Floor, id: u128, sequence: i64) -> Presence {
     let (job, run) = (job(1), run(id, sequence, RunState::Open));
-    let base =
-        RunBase { job: &job, run: &run, last_decision: None, changes: &[], conditions: &[], deviation_unit: "mm" };
+    let base = RunBase {
+        job: &job,
+        run: &run,
+        last_decision: None,
+        changes: &[],
+        overrides: &[],
+        conditions: &[],
+        deviation_unit: "mm",
+    };
     floor.presence(&base, 1).unwrap()
 }
 
@@ -179,6 +186,7 @@ fn a_stop_of_telemetry_stays_after_a_restart_and_without_its_client() {
         run: &run,
         last_decision: Some(&stop),
         changes: &[],
+        overrides: &[],
         conditions: &[],
         deviation_unit: "mm",
     };
@@ -203,14 +211,26 @@ fn how_far_a_run_came_is_known_at_rest() {
     run.setpoints = RunSetpoints { received: 1_000, sent: 1_500, digest: None };
     let settings = feedwave_contract::proto::RunSettings { interpolation_period_us: 1_000, ..Default::default() };
     run.settings = crate::stored::to_stored(&settings).unwrap();
-    let progress = |run: &Run| {
-        let base = RunBase { job: &job, run, last_decision: None, changes: &[], conditions: &[], deviation_unit: "mm" };
+    let change = |setpoint_index, ratio| RunOverride { number: 0, setpoint_index, ratio, cause: String::new() };
+    let progress = |run: &Run, overrides: &[RunOverride]| {
+        let base = RunBase {
+            job: &job,
+            run,
+            last_decision: None,
+            changes: &[],
+            overrides,
+            conditions: &[],
+            deviation_unit: "mm",
+        };
         let progress = base.at_rest().unwrap().0.activity.progress.unwrap();
         (progress.taken, progress.ratio, progress.machining_s, progress.remaining_s)
     };
-    assert_eq!(progress(&run), (1_000, 0.25, 1.0, None));
+    assert_eq!(progress(&run, &[]), (1_000, 0.25, 1.0, None));
+    // At half the feed for half of the time; the last change acts behind what was taken.
+    let slower = [change(500, 0.5), change(1_200, 0.25)];
+    assert_eq!(progress(&run, &slower), (1_000, 0.1875, 1.0, None));
     run.state = RunState::Finished;
-    assert_eq!(progress(&run), (1_000, 1.0, 1.0, None));
+    assert_eq!(progress(&run, &slower), (1_000, 1.0, 1.0, None));
 }
 
 #[test]
