@@ -306,20 +306,49 @@ impl Ingest {
     }
 }
 
-#[tokio::test]
-async fn a_condition_is_shown_until_it_was_acknowledged_and_the_machine_resumed() {
-    let server = Server::start(FEEDWAVE).await;
+/// Telemetry with an escalation that holds the feed, and the state then.
+async fn held(server: &Server, watch: &mut Watch) -> (Ingest, MachineState) {
     let mut config = config();
     let rules = config.rules.as_mut().expect("rules");
     rules.feed_bounds = Some(OverrideBounds { lower: 0.5, upper: 1.5 });
     rules.escalation = Some(Escalation { windows: Some(2), ..Default::default() });
-    let job = monitored(&server, config).await;
-    let mut watch = Watch::open(&server, "machines/lathe").await;
-    let ingest = Ingest::open(&server, job).await;
+    let job = monitored(server, config).await;
+    let ingest = Ingest::open(server, job).await;
     for sequence in 0..50 {
         ingest.send(batch(sequence)).await;
     }
     let held = watch.until(|state| state.execution() == Execution::Held).await;
+    (ingest, held)
+}
+
+#[tokio::test]
+async fn a_condition_says_what_was_judged_also_after_a_kill() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut watch = Watch::open(&server, "machines/lathe").await;
+    let (_ingest, held) = held(&server, &mut watch).await;
+    let [condition, ..] = held.conditions.as_slice() else { panic!("{held:?}") };
+    let value = condition.value.expect("what was judged");
+    assert!((value - 0.02).abs() < 1e-3, "{condition:?}");
+    assert_eq!((condition.limit, condition.unit.as_str()), (Some(0.01), "mm"));
+    let sentence = format!("deviation {value:.4} mm stayed above 0.0100 mm at the lower feed bound: the feed is held");
+    assert_eq!(condition.message, sentence);
+
+    let server = server.kill().await.start().await;
+    let mut watch = Watch::open(&server, "machines/lathe").await;
+    let after = watch.until(|_| true).await;
+    assert_eq!(after.conditions.first(), Some(condition));
+    // Whoever takes the run up changes nothing of it.
+    let run = ingest_start::Target::Run(condition.run.clone());
+    let _ingest = Ingest::open_at(&server, run).await;
+    let after = watch.until(|state| state.execution() == Execution::Held).await;
+    assert_eq!(after.conditions.first(), Some(condition));
+}
+
+#[tokio::test]
+async fn a_condition_is_shown_until_it_was_acknowledged_and_the_machine_resumed() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut watch = Watch::open(&server, "machines/lathe").await;
+    let (ingest, held) = held(&server, &mut watch).await;
     let [condition, ..] = held.conditions.as_slice() else { panic!("{held:?}") };
     assert_eq!((condition.code.as_str(), condition.severity()), ("ABOVE_LIMIT_AT_BOUND", ConditionSeverity::Fault));
     assert!(condition.needs_acknowledgement && condition.acknowledge_time.is_none(), "{condition:?}");

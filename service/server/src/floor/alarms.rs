@@ -5,11 +5,10 @@ use feedwave_contract::proto::decision_inputs::Evidence;
 use feedwave_contract::proto::{
     ConditionSeverity as Severity, ConditionSource as Source, Decision, DecisionAction as Action,
     DecisionReason as Reason, MachineCondition, OverrideBound, ProcessProperty as Property, ProcessReading,
-    RunCondition,
 };
 use prost_types::Timestamp;
-use uuid::Uuid;
 
+use super::Logged;
 use crate::error::Error;
 
 /// Code of the condition that a job has warnings.
@@ -167,27 +166,34 @@ fn condition(decision: &Decision, reading: Option<&ProcessReading>) -> MachineCo
 /// The limit that a reason is about.
 fn limit(reason: Reason, reading: &ProcessReading) -> Option<f64> {
     match reason {
-        Reason::FeedAboveLimit | Reason::AboveLimitAtBound => Some(reading.upper),
+        Reason::FeedAboveLimit => Some(reading.upper),
         Reason::FeedBelowLimit => Some(reading.lower),
         _ => None,
     }
 }
 
 /// A condition of the log.
-pub(super) fn of_log(run: Uuid, logged: &RunCondition) -> MachineCondition {
-    let what = if logged.action() == Action::Stop { "the machine is stopped" } else { "the feed is held" };
+pub(super) fn of_log(logged: &Logged) -> MachineCondition {
+    let Logged { run, condition, reading, .. } = logged;
+    let what = if condition.action() == Action::Stop { "the machine is stopped" } else { "the feed is held" };
+    let beyond = match reading {
+        Some(reading) => compared(reading, "stayed above", reading.upper),
+        None => "the property stayed above its limit".to_owned(),
+    };
     MachineCondition {
         code: short(Reason::AboveLimitAtBound.as_str_name(), "DECISION_REASON_"),
         severity: Severity::Fault.into(),
         source: Source::Process.into(),
-        message: format!("the property stayed above its limit at the lower feed bound: {what}"),
-        raise_time: logged.raise_time,
-        decision_number: Some(logged.decision_number),
-        run: names::run(run),
+        message: format!("{beyond} at the lower feed bound: {what}"),
+        raise_time: condition.raise_time,
+        decision_number: Some(condition.decision_number),
+        run: names::run(*run),
         needs_acknowledgement: true,
-        acknowledge_time: logged.acknowledge_time,
-        acknowledged_by: logged.acknowledged_by.clone(),
-        ..MachineCondition::default()
+        acknowledge_time: condition.acknowledge_time,
+        acknowledged_by: condition.acknowledged_by.clone(),
+        value: reading.as_ref().and_then(|reading| reading.value),
+        limit: reading.as_ref().map(|reading| reading.upper),
+        unit: reading.as_ref().map(|reading| reading.unit.clone()).unwrap_or_default(),
     }
 }
 
@@ -223,25 +229,28 @@ pub(super) fn reading(decision: &Decision, deviation_unit: &str) -> Option<Proce
     })
 }
 
-/// A decision in one sentence with the numbers.
-fn sentence(decision: &Decision, reading: Option<&ProcessReading>) -> String {
-    let outcome = decision.outcome.unwrap_or_default();
-    let what = |reading: &ProcessReading| match reading.property() {
+/// What a window showed and a limit, as the beginning of a sentence.
+fn compared(reading: &ProcessReading, how: &str, limit: f64) -> String {
+    let what = match reading.property() {
         Property::VibrationAmplitude => "vibration amplitude",
         Property::VibrationFrequency => "vibration frequency",
         Property::Deviation | Property::Unspecified => "deviation",
     };
-    let compared = |how: &str, limit: fn(&ProcessReading) -> f64| {
-        reading.map_or_else(String::new, |reading| {
-            let (value, limit, unit) = (reading.value.unwrap_or_default(), limit(reading), &reading.unit);
-            format!("{} {value:.4} {unit} is {how} {limit:.4} {unit}: ", what(reading))
-        })
+    let (value, unit) = (reading.value.unwrap_or_default(), &reading.unit);
+    format!("{what} {value:.4} {unit} {how} {limit:.4} {unit}")
+}
+
+/// A decision in one sentence with the numbers.
+fn sentence(decision: &Decision, reading: Option<&ProcessReading>) -> String {
+    let outcome = decision.outcome.unwrap_or_default();
+    let beyond = |how: &str, limit: fn(&ProcessReading) -> f64| {
+        reading.map_or_else(String::new, |reading| compared(reading, how, limit(reading)) + ": ")
     };
     let after = outcome.after.unwrap_or_default();
     let (feed, spindle) = (after.feed * 100.0, outcome.planned_spindle.unwrap_or(after.spindle) * 100.0);
     match outcome.reason() {
-        Reason::FeedAboveLimit => format!("{}feed {feed:.0} %", compared("above", |reading| reading.upper)),
-        Reason::FeedBelowLimit => format!("{}feed {feed:.0} %", compared("below", |reading| reading.lower)),
+        Reason::FeedAboveLimit => format!("{}feed {feed:.0} %", beyond("is above", |reading| reading.upper)),
+        Reason::FeedBelowLimit => format!("{}feed {feed:.0} %", beyond("is below", |reading| reading.lower)),
         Reason::AngleBelowLimit => format!("the mean angle is below its limit: spindle {spindle:.0} %"),
         Reason::AngleAboveLimit => format!("the mean angle is above its limit: spindle {spindle:.0} %"),
         Reason::SpeedFromTable => format!("the milling limit is reached: spindle {spindle:.0} % from the table"),

@@ -13,10 +13,9 @@ use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
 use super::machine::Connected;
-use super::restore::view_of;
+use super::restore::{logged_of, view_of};
 use super::{Floor, Floors, Logged, RunView};
 use crate::error::{Error, Result};
-use crate::stored::condition_to_proto;
 
 /// How often others are told of everything, and heard.
 const PERIOD: Duration = Duration::from_millis(250);
@@ -344,10 +343,9 @@ async fn in_log(store: &Store, run_id: Uuid) -> Result<Option<RunView>> {
 
 /// Conditions of a run that nobody has acknowledged, or that hold its feed.
 async fn logged(store: &Store, view: &RunView) -> Result<Vec<Logged>> {
-    let conditions = store.run_conditions(view.id).await?;
-    let shown = conditions.iter().filter(|condition| condition.acknowledged.is_none() || view.activity.feed_held);
-    let logged = |condition| Logged { run: view.id, job_id: view.job_id, condition: condition_to_proto(condition) };
-    Ok(shown.map(logged).collect())
+    let mut conditions = store.run_conditions(view.id).await?;
+    conditions.retain(|condition| condition.acknowledged.is_none() || view.activity.feed_held);
+    logged_of(store, view.id, &conditions).await
 }
 
 impl Floor {

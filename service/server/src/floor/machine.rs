@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use feedwave_contract::names;
 use feedwave_contract::proto::{
-    Availability, Execution, MachineCondition, MachineState, RunActivity, RunCondition as ConditionMessage, RunKind,
+    Availability, Execution, MachineCondition, MachineState, ProcessReading, RunActivity,
+    RunCondition as ConditionMessage, RunKind,
 };
 use tokio::sync::Notify;
 use uuid::Uuid;
@@ -79,6 +80,8 @@ pub(super) struct Logged {
     pub(super) run: Uuid,
     pub(super) job_id: Uuid,
     pub(super) condition: ConditionMessage,
+    /// What the window of the decision showed, where that is known.
+    pub(super) reading: Option<ProcessReading>,
 }
 
 #[derive(Debug)]
@@ -222,7 +225,7 @@ impl Machine {
     }
 
     pub(super) fn conditions(&self, run: Option<&RunView>) -> Vec<MachineCondition> {
-        let logged = self.logged.iter().map(|logged| alarms::of_log(logged.run, &logged.condition));
+        let logged = self.logged.iter().map(alarms::of_log);
         let mut conditions: Vec<_> =
             run.into_iter().flat_map(|view| view.alarms.iter().cloned()).chain(logged).collect();
         // The worst first, of these the newest; what was acknowledged comes behind what was not.

@@ -7,10 +7,10 @@ use feedwave_contract::convert::{state_to_proto, timestamp};
 use feedwave_contract::names;
 use feedwave_contract::proto::{
     self, Availability, CommandedState, Decision, DecisionAction, DecisionBrief, DecisionReason, Execution,
-    MachineCondition, Overrides, RunActivity, RunProgress,
+    MachineCondition, Overrides, ProcessReading, RunActivity, RunProgress,
 };
 use feedwave_monitoring::{Monitor, State};
-use feedwave_store::{DecisionRecord, Job, JobState, Run, RunCondition, RunKind, RunOverride, RunState};
+use feedwave_store::{DecisionRecord, Job, JobState, Run, RunKind, RunOverride, RunState};
 use jiff::Timestamp;
 use tokio::sync::Notify;
 
@@ -18,7 +18,7 @@ use super::alarms::{self, Alarms};
 use super::machine::Here;
 use super::{Course, Floor, Logged, RunView, STATE_INTERVAL};
 use crate::error::{Error, Result};
-use crate::stored::{self, condition_to_proto, decision_from_record, run_settings};
+use crate::stored::{self, decision_from_record, run_settings};
 
 /// What the log has of a run.
 #[derive(Debug)]
@@ -34,7 +34,7 @@ pub(crate) struct RunBase<'a> {
     /// Changes of the feed of a live run, in order.
     pub(crate) overrides: &'a [RunOverride],
     /// Its conditions.
-    pub(crate) conditions: &'a [RunCondition],
+    pub(super) conditions: &'a [Logged],
     /// Unit of the deviation.
     pub(crate) deviation_unit: &'static str,
 }
@@ -167,12 +167,6 @@ impl RunBase<'_> {
         let ratio = if is_finished { 1.0 } else { progress.ratio };
         Ok(RunProgress { ratio, remaining_s: None, ..progress })
     }
-
-    pub(super) fn logged(&self) -> Vec<Logged> {
-        let logged =
-            |condition| Logged { run: self.run.id, job_id: self.job.id, condition: condition_to_proto(condition) };
-        self.conditions.iter().map(logged).collect()
-    }
 }
 
 impl Floor {
@@ -193,7 +187,7 @@ impl Floor {
             here: Here { attachment, doubt: Arc::new(Notify::new()) },
             view,
             alarms,
-            logged: base.logged(),
+            logged: base.conditions.to_vec(),
             deviation_unit: base.deviation_unit,
             planned_s: summary.duration_s,
             is_changed: false,
@@ -325,6 +319,10 @@ impl Presence {
             let reading = alarms::reading(decision, self.deviation_unit);
             self.alarms.decided(decision, reading.as_ref());
             let outcome = decision.outcome.unwrap_or_default();
+            if outcome.reason() == DecisionReason::AboveLimitAtBound {
+                self.raise(decision, outcome.action(), reading.clone());
+                self.has_happened = true;
+            }
             let activity = &mut self.view.activity;
             match outcome.reason() {
                 // The data says nothing any more, or the baseline is another one.
@@ -339,22 +337,18 @@ impl Presence {
                 activity.feed_decision = Some(brief);
             }
             activity.last_decision = Some(brief);
-            if outcome.reason() == DecisionReason::AboveLimitAtBound {
-                self.raise(decision, outcome.action());
-                self.has_happened = true;
-            }
             self.is_urgent = true;
         }
     }
 
-    fn raise(&self, decision: &Decision, action: DecisionAction) {
+    fn raise(&self, decision: &Decision, action: DecisionAction, reading: Option<ProcessReading>) {
         let condition = proto::RunCondition {
             decision_number: decision.number,
             action: action.into(),
             raise_time: decision.time,
             ..proto::RunCondition::default()
         };
-        self.floor.raise(&self.machine_id, Logged { run: self.view.id, job_id: self.view.job_id, condition });
+        self.floor.raise(&self.machine_id, Logged { run: self.view.id, job_id: self.view.job_id, condition, reading });
     }
 
     /// What the monitor knows.

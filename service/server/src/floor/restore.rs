@@ -1,17 +1,17 @@
 //! The floor as the log has it, after a start of the service.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use feedwave_contract::convert::action_name;
-use feedwave_contract::proto::{Machine, RunActivity};
+use feedwave_contract::proto::{Machine, ProcessReading, RunActivity};
 use feedwave_monitoring::{Action, MonitoringConfig};
-use feedwave_store::{AttachedRun, DecisionRecord, PageRequest, Run, RunKind, Store, Tenant};
+use feedwave_store::{AttachedRun, DecisionRecord, PageRequest, Run, RunCondition, RunKind, Store, StoreError, Tenant};
 use uuid::Uuid;
 
 use super::presence::RunBase;
-use super::{Floor, Floors, Logged, MAX_LOGGED, RunView};
+use super::{Floor, Floors, Logged, MAX_LOGGED, RunView, alarms};
 use crate::error::{Error, Result};
-use crate::stored::{self, condition_to_proto, config_from_message, run_settings};
+use crate::stored::{self, condition_to_proto, config_from_message, decision_from_record, run_settings};
 
 impl Floors {
     /// Takes over the machines of the store and what the log says of their newest runs.
@@ -20,11 +20,15 @@ impl Floors {
     /// Those of the store. A machine whose records are damaged is left out, and said so in the log.
     pub(crate) async fn restore(&self, store: &Store) -> Result<()> {
         self.renew_machines(store).await?;
-        let mut open: HashMap<(Tenant, String), Vec<Logged>> = HashMap::new();
+        // Identifiers of runs ascend by time.
+        let mut of_runs: BTreeMap<Uuid, ((Tenant, String), Vec<RunCondition>)> = BTreeMap::new();
         for found in store.open_conditions(MAX_LOGGED).await? {
-            let condition = condition_to_proto(&found.condition);
-            let logged = Logged { run: found.run_id, job_id: found.job_id, condition };
-            open.entry((found.tenant, found.machine_id)).or_default().push(logged);
+            let of_run = || ((found.tenant, found.machine_id), Vec::new());
+            of_runs.entry(found.run_id).or_insert_with(of_run).1.push(found.condition);
+        }
+        let mut open: HashMap<(Tenant, String), Vec<Logged>> = HashMap::new();
+        for (run, (of, conditions)) in of_runs {
+            open.entry(of).or_default().extend(logged_of(store, run, &conditions).await?);
         }
         for runs in store.machine_runs().await? {
             let view = readable(&runs.machine_id, newest_view(store, runs.newest).await)?;
@@ -156,8 +160,41 @@ impl Floor {
 }
 
 /// Conditions of a run that nobody has acknowledged.
-async fn open_of(store: &Store, run: Uuid) -> Result<Vec<feedwave_store::RunCondition>> {
+async fn open_of(store: &Store, run: Uuid) -> Result<Vec<Logged>> {
     let mut conditions = store.run_conditions(run).await?;
     conditions.retain(|condition| condition.acknowledged.is_none());
-    Ok(conditions)
+    logged_of(store, run, &conditions).await
+}
+
+/// Conditions of a run with what their decisions saw: none of a run that was deleted meanwhile.
+pub(super) async fn logged_of(store: &Store, run: Uuid, conditions: &[RunCondition]) -> Result<Vec<Logged>> {
+    if conditions.is_empty() {
+        return Ok(Vec::new());
+    }
+    let run = match store.run(run).await {
+        Err(StoreError::NotFound { .. }) => return Ok(Vec::new()),
+        run => run?,
+    };
+    let mut readings = readings(store, &run, conditions).await?;
+    let logged = |condition: &RunCondition| Logged {
+        run: run.id,
+        job_id: run.job_id,
+        condition: condition_to_proto(condition),
+        reading: readings.remove(&condition.decision_number),
+    };
+    Ok(conditions.iter().map(logged).collect())
+}
+
+/// What the windows showed that raised conditions, by decision. What cannot be read is left out: a condition waits for its
+/// acknowledgement all the same.
+async fn readings(store: &Store, run: &Run, conditions: &[RunCondition]) -> Result<HashMap<u64, ProcessReading>> {
+    let Ok(unit) = deviation_unit(run) else { return Ok(HashMap::new()) };
+    let actions: BTreeSet<&str> = conditions.iter().map(|condition| condition.action.as_str()).collect();
+    let mut readings = HashMap::new();
+    for action in actions {
+        let decisions = store.last_decisions_of(run.id, action, MAX_LOGGED).await?;
+        let read = decisions.iter().filter_map(|record| decision_from_record(record).ok());
+        readings.extend(read.filter_map(|decision| Some((decision.number, alarms::reading(&decision, unit)?))));
+    }
+    Ok(readings)
 }

@@ -275,13 +275,13 @@ fn conditions_of_the_log_stay_until_they_are_acknowledged() {
         ..Default::default()
     };
     let (run, job_id) = (Uuid::from_u128(10), Uuid::from_u128(1));
-    floor.raise("lathe", Logged { run, job_id, condition: condition("") });
+    floor.raise("lathe", Logged { run, job_id, condition: condition(""), reading: None });
     presence.leave(None);
     assert_eq!(lathe(&floor).conditions.len(), 1);
     floor.acknowledge("lathe", run, &condition("Ada"));
     assert!(lathe(&floor).conditions.is_empty());
     for _ in 0..2 * MAX_LOGGED {
-        floor.raise("lathe", Logged { run, job_id, condition: condition("") });
+        floor.raise("lathe", Logged { run, job_id, condition: condition(""), reading: None });
     }
     assert_eq!(lathe(&floor).conditions.len(), MAX_CONDITIONS);
     assert_eq!(floor.board().machines["lathe"].logged.len(), MAX_LOGGED as usize);
