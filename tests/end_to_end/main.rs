@@ -37,6 +37,7 @@ mod offsets;
 mod oscillation;
 mod overrides;
 mod replicas;
+mod resting_runs;
 mod setpoints;
 mod shop_floor;
 mod spindle_changes;

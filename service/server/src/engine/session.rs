@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use feedwave_contract::convert::{
     action_name, conditions_of, decision_to_proto, learning_record_of, recorded_cut_to_proto, recording_from_proto,
-    state_to_proto,
+    state_to_proto, timestamp,
 };
 use feedwave_contract::{names, proto};
 use feedwave_monitoring::{
@@ -18,6 +18,7 @@ use feedwave_monitoring::{
 use feedwave_store::{
     AttachedRun, NewDecision, NewRecordedCut, RunCheckpoint, RunCommit, Store, StoreError, TelemetryGap,
 };
+use jiff::Timestamp;
 use prost::Message as _;
 use proto::machine_event::Event as ProtoEvent;
 use uuid::Uuid;
@@ -363,6 +364,12 @@ impl Session {
             NewRecordedCut { number, head: head.encode_to_vec().into(), body: body.encode_to_vec().into() }
         };
         cuts.iter().map(number).collect()
+    }
+
+    /// When the log heard of the run last: now, where that cannot be read.
+    pub(super) async fn logged_at(&self) -> prost_types::Timestamp {
+        let logged = self.store.run(self.run).await;
+        timestamp(logged.map_or_else(|_| Timestamp::now().as_microsecond(), |run| run.updated_us))
     }
 
     /// Makes everything durable, together with what else happened in the run.

@@ -224,27 +224,32 @@ impl Worker {
             let mut finished = false;
             let mut cause = None;
             let mut ended = None;
-            let mut doubted = false;
+            let mut must_commit = false;
             match self.wait() {
                 Wake::Input(Some(first)) => (finished, cause) = self.gather(first)?,
                 Wake::Input(None) => {
-                    self.open = false;
-                    self.presence.lose();
+                    // The log knows since when nobody is there.
+                    (self.open, must_commit) = (false, true);
                 }
                 Wake::Silence => self.session.fall_silent()?,
                 Wake::Commit | Wake::Show => {}
-                Wake::Doubt => doubted = true,
-                Wake::Ended(error) => ended = Some(error),
+                // A commit fails where the run is another client's.
+                Wake::Doubt => must_commit = true,
+                Wake::Ended(error) => {
+                    must_commit = matches!(error, Error::Draining);
+                    ended = Some(error);
+                }
             }
             // Silence counts on after the client has gone: its fallback is part of the log.
             let last = ended.is_some() || finished || (!self.open && self.session.silence_at().is_none());
             let commit_at = self.session.commit_at();
-            // A commit fails where the run is another client's.
-            if finished || doubted || commit_at.is_some_and(|at| last || at <= Instant::now()) {
+            if finished || must_commit || commit_at.is_some_and(|at| last || at <= Instant::now()) {
                 self.commit(finished, cause)?;
             }
             if finished {
-                self.presence.end(RunState::Finished);
+                self.presence.end(RunState::Finished, self.runtime.block_on(self.session.logged_at()));
+            } else if must_commit && (!self.open || last) {
+                self.presence.lose(self.runtime.block_on(self.session.logged_at()));
             }
             self.show();
             if last {

@@ -111,7 +111,9 @@ impl RunBase<'_> {
             None => proto::ProgramSummary::default(),
         };
         let last = self.last_decision.map(decision_from_record).transpose()?;
-        let stops = last.as_ref().is_some_and(|last| last.outcome.unwrap_or_default().action() == DecisionAction::Stop);
+        let stop = last.as_ref().filter(|last| last.outcome.unwrap_or_default().action() == DecisionAction::Stop);
+        let (execution, execution_time) = self.execution(stop);
+        let stops = stop.is_some();
         let activity = RunActivity {
             run: names::run(run.id),
             job: names::job(job.id),
@@ -123,8 +125,8 @@ impl RunBase<'_> {
             }
             .into(),
             availability: Availability::Unavailable.into(),
-            execution: self.execution(stops).into(),
-            execution_time: Some(timestamp(run.updated_us)),
+            execution: execution.into(),
+            execution_time,
             create_time: Some(timestamp(run.created_us)),
             progress: if run.kind == RunKind::Live { Some(self.progress(&summary)?) } else { None },
             // An escalation is in the log; what an operator wants is known while his client is there.
@@ -145,14 +147,17 @@ impl RunBase<'_> {
         Ok((view, alarms))
     }
 
-    /// What the run does without its stream, where its last decision is a stop, or is none.
-    fn execution(&self, stops: bool) -> Execution {
-        // A run of a job that ended cannot be taken up. Nothing follows a stop in a run of telemetry; a live one is taken up to
-        // come to rest.
+    /// What the run does without its stream, and since when, where its last decision is this stop, or is none.
+    fn execution(&self, stop: Option<&Decision>) -> (Execution, Option<prost_types::Timestamp>) {
         let is_over = matches!(self.job.state, JobState::Cancelled | JobState::Failed);
-        match execution_at_rest(self.run.state) {
-            Execution::Interrupted if is_over || (stops && self.run.kind == RunKind::Telemetry) => Execution::Stopped,
-            execution => execution,
+        match (execution_at_rest(self.run.state), stop) {
+            // Nothing follows a stop in a run of telemetry; a live one is taken up to come to rest.
+            (Execution::Interrupted, Some(stop)) if self.run.kind == RunKind::Telemetry => {
+                (Execution::Stopped, stop.time)
+            }
+            // A run of a job that ended cannot be taken up.
+            (Execution::Interrupted, _) if is_over => (Execution::Stopped, Some(timestamp(self.job.updated_us))),
+            (execution, _) => (execution, Some(timestamp(self.run.updated_us))),
         }
     }
 
@@ -231,10 +236,15 @@ impl Presence {
 
     /// What the run does; nothing is told by that alone.
     pub(crate) fn set_execution(&mut self, execution: Execution) {
+        self.execute(execution, now());
+    }
+
+    /// What the run does, and since when.
+    fn execute(&mut self, execution: Execution, since: prost_types::Timestamp) {
         let activity = &mut self.view.activity;
         if activity.execution() != execution {
             activity.set_execution(execution);
-            activity.execution_time = Some(now());
+            activity.execution_time = Some(since);
             self.happen();
         }
     }
@@ -252,12 +262,12 @@ impl Presence {
         }
     }
 
-    /// The client is gone, while the run is still attended to.
-    pub(crate) fn lose(&mut self) {
+    /// The client is gone, while the run is still attended to; since when, as the log has it.
+    pub(crate) fn lose(&mut self, since: prost_types::Timestamp) {
         if self.view.is_available() {
             self.unmeasure();
             if !matches!(self.execution(), Execution::Stopped | Execution::Finished) {
-                self.set_execution(Execution::Interrupted);
+                self.execute(Execution::Interrupted, since);
             }
             self.happen();
         }
@@ -322,6 +332,11 @@ impl Presence {
             if outcome.reason() == DecisionReason::AboveLimitAtBound {
                 self.raise(decision, outcome.action(), reading.clone());
                 self.has_happened = true;
+            }
+            if let (DecisionAction::Stop, Some(time)) = (outcome.action(), decision.time)
+                && self.view.activity.kind() == proto::RunKind::Telemetry
+            {
+                self.execute(Execution::Stopped, time);
             }
             let activity = &mut self.view.activity;
             match outcome.reason() {
@@ -413,9 +428,9 @@ impl Presence {
         }
     }
 
-    /// The run came to its end.
-    pub(crate) fn end(&mut self, state: RunState) {
-        self.set_execution(execution_at_rest(state));
+    /// The run came to its end; when, as the log has it.
+    pub(crate) fn end(&mut self, state: RunState, at: prost_types::Timestamp) {
+        self.execute(execution_at_rest(state), at);
     }
 
     /// The stream has ended, with an error or without.

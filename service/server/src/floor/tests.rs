@@ -81,7 +81,7 @@ fn a_run_is_there_from_its_connection_to_its_end() {
     assert!(lathe(&floor).run.is_none(), "it is not connected yet");
     first.connect();
     assert_eq!((lathe(&floor).execution(), lathe(&floor).availability()), (Execution::Ready, Availability::Available));
-    first.end(RunState::Finished);
+    first.end(RunState::Finished, Default::default());
     first.tell();
     first.leave(None);
     let state = lathe(&floor);
@@ -115,7 +115,7 @@ fn a_run_whose_client_is_gone_does_not_run() {
     run.proceed(RunProgress::default(), None, 1.0, true);
     run.tell();
     assert!(lathe(&floor).run.unwrap().held);
-    run.lose();
+    run.lose(Default::default());
     // What goes on while its silence is waited for is not told as motion.
     run.follow(Execution::Running);
     run.proceed(RunProgress::default(), None, 1.0, true);
@@ -128,8 +128,8 @@ fn a_run_whose_client_is_gone_does_not_run() {
     assert_eq!(lathe(&floor).execution(), Execution::Stopped, "the decision on silence stops it");
     let mut over = presence(&floor, 20, 2);
     over.connect();
-    over.end(RunState::Finished);
-    over.lose();
+    over.end(RunState::Finished, Default::default());
+    over.lose(Default::default());
     over.tell();
     assert_eq!(over.execution(), Execution::Finished);
 }
@@ -146,7 +146,7 @@ fn a_run_that_moves_is_shown_before_one_that_does_not_or_is_lost() {
     lost.follow(Execution::Running);
     lost.tell();
     assert_eq!(shown(&floor), (name(30), 2));
-    lost.lose();
+    lost.lose(Default::default());
     lost.tell();
     assert_eq!(shown(&floor), (name(20), 1), "who is lost is neither shown nor counted");
     moving.follow(Execution::Running);
@@ -358,7 +358,7 @@ fn a_run_is_on_the_floor_of_its_tenant_alone() {
     // Who may see all sees it, whoever else has a floor.
     let mut second = presence(&floors.of(theirs), 9, 1);
     second.connect();
-    second.end(RunState::Finished);
+    second.end(RunState::Finished, Default::default());
     second.leave(None);
     let all = floors.of_all_tenants(10);
     let [state] = &all[..] else { panic!("{all:?}") };
@@ -489,7 +489,7 @@ fn what_is_heard_late_of_an_earlier_stream_changes_no_end() {
     let mut here = presence(&floor, 10, 1);
     here.connect();
     assert_eq!(floor.of_this_replica(false).0.len(), 1, "only what is connected here is told");
-    here.end(RunState::Finished);
+    here.end(RunState::Finished, Default::default());
     here.leave(None);
     floor.disconnect("lathe", elsewhere, Some(interrupted.clone()));
     floor.come_and_gone("lathe", interrupted, Vec::new());

@@ -6,6 +6,7 @@ use feedwave_contract::proto::{Decision, Execution};
 use feedwave_cutting::{PipelineConfig, SetpointBlock};
 use feedwave_monitoring::Monitor;
 use feedwave_store::{RunOverride, RunState};
+use prost_types::Timestamp;
 
 use crate::floor::{Course, HandedOut, Presence};
 use crate::observability::metrics::Metrics;
@@ -63,10 +64,10 @@ impl LiveView {
         }
     }
 
-    /// The run came to its end.
-    pub(super) fn end(&mut self, state: RunState, monitor: &Monitor, reached: Reached<'_>) {
+    /// The run came to its end; when, as the log has it.
+    pub(super) fn end(&mut self, state: RunState, at: Timestamp, monitor: &Monitor, reached: Reached<'_>) {
         self.tell(monitor, reached);
-        self.presence.end(state);
+        self.presence.end(state, at);
         self.presence.tell();
     }
 

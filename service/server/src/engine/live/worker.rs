@@ -121,12 +121,12 @@ impl Worker {
         loop {
             let mut ended = None;
             let mut cause = None;
-            let mut doubted = false;
+            let mut must_commit = false;
             match self.wait() {
                 Wake::Input(Some(first)) => cause = self.gather(first)?,
                 Wake::Input(None) => {
-                    self.open = false;
-                    self.view.presence.lose();
+                    // The log knows since when nobody is there.
+                    (self.open, must_commit) = (false, true);
                 }
                 Wake::Slot(place) => self.hand_out(place)?,
                 Wake::Overdue => ended = Some(self.overdue()),
@@ -135,8 +135,12 @@ impl Worker {
                     self.session.fall_silent()?;
                 }
                 Wake::Commit | Wake::Show | Wake::Judge => {}
-                Wake::Doubt => doubted = true,
-                Wake::Ended(error) => ended = Some(error),
+                // A commit fails where the run is another client's.
+                Wake::Doubt => must_commit = true,
+                Wake::Ended(error) => {
+                    must_commit = matches!(error, Error::Draining);
+                    ended = Some(error);
+                }
             }
             let is_reached = self.session.waiting_decisions().iter().any(|decision| change_of(decision).is_some());
             let request = match self.gate.advance(&mut self.setpoints, &mut self.session, is_reached) {
@@ -159,9 +163,11 @@ impl Worker {
             if due || end.is_some() {
                 self.keep_checkpoint()?;
             }
-            // A commit fails where the run is another client's.
-            if due || doubted || change.is_some() || end.is_some() {
+            if due || must_commit || change.is_some() || end.is_some() {
                 self.commit(change, end, cause)?;
+            }
+            if must_commit && (!self.open || last) {
+                self.view.presence.lose(self.runtime.block_on(self.session.logged_at()));
             }
             if let Some(request) = request {
                 self.tell(Message::SpindleRequest(request), None)?;
@@ -424,7 +430,8 @@ impl Worker {
         }
         let Some((state, message)) = end else { return Ok(()) };
         let reached = reached(&self.setpoints, &self.feed, self.receipts.received(), self.total);
-        self.view.end(state, self.session.monitor(), reached);
+        let at = self.runtime.block_on(self.session.logged_at());
+        self.view.end(state, at, self.session.monitor(), reached);
         let digest = setpoints.digest.unwrap_or_default().iter().map(|byte| format!("{byte:02x}")).collect();
         let state = crate::stored::run_state_to_proto(state).into();
         self.tell(Message::Ended(proto::RunEnded { state, message, setpoint_count: progress.sent, digest }), None)
