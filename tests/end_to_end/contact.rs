@@ -11,7 +11,7 @@ use crate::live_runs::{batch, config};
 use crate::shop_floor::{Ingest, Live, Watch, monitored};
 
 /// A batch in which tool and work do not touch.
-fn apart(sequence: u64) -> TelemetryBatch {
+pub(crate) fn apart(sequence: u64) -> TelemetryBatch {
     TelemetryBatch { contact: vec![false; 10], ..batch(sequence) }
 }
 

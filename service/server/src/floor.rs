@@ -242,13 +242,9 @@ impl Floor {
         });
     }
 
-    /// Takes over what the log says of a machine.
+    /// Takes over what the log says of a machine, as far as more is not known already.
     fn restore_machine(&self, id: &str, resting: Option<RunView>, finished: u64, logged: Vec<Logged>) {
-        self.change(id, |machine| {
-            machine.resting = resting;
-            machine.finished = finished;
-            machine.logged = logged;
-        });
+        self.change(id, |machine| machine.recall(resting, finished, logged));
     }
 
     /// A stream of a run is connected, here or elsewhere; its ticket.

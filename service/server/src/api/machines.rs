@@ -70,6 +70,10 @@ impl Api {
         let record = self.store.create_machine(Some(&request.machine_id), document).await?;
         let machine = from_record(&record)?;
         self.floors.put_machine(&record.id, &record.etag, &machine.display_name);
+        // There may be runs of an earlier one of this name.
+        if let Err(error) = self.floors.recall(self.store.of_all_tenants(), |id| id == record.id).await {
+            tracing::warn!(%error, machine = record.id, "what an earlier machine of this name did is not shown");
+        }
         Ok(CreateMachineResponse { machine: Some(machine) })
     }
 

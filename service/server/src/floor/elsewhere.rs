@@ -206,7 +206,10 @@ impl Sharing {
         if self.round.is_multiple_of(MACHINE_ROUNDS) {
             let mark = self.store.machines_mark().await?;
             if self.machines != Some(mark) {
-                self.floors.renew_machines(&self.store).await?;
+                let new = self.floors.renew_machines(&self.store).await?;
+                if !new.is_empty() {
+                    self.floors.recall(&self.store, |id| new.contains(id)).await?;
+                }
                 self.machines = Some(mark);
             }
         }

@@ -189,6 +189,20 @@ impl Machine {
         }
     }
 
+    /// Takes in what the log says: its newest run, how many finished, and its conditions. What a run that was connected
+    /// meanwhile has told is newer.
+    pub(super) fn recall(&mut self, newest: Option<RunView>, finished: u64, logged: Vec<Logged>) {
+        let is_news = |view: &RunView| {
+            self.connected.iter().all(|connected| connected.view.id != view.id)
+                && self.resting.as_ref().is_none_or(|resting| resting.sequence < view.sequence)
+        };
+        if let Some(view) = newest.filter(is_news) {
+            self.resting = Some(view);
+        }
+        self.finished = self.finished.max(finished);
+        self.know(logged);
+    }
+
     /// Takes in conditions that are not known yet.
     pub(super) fn know(&mut self, logged: Vec<Logged>) {
         for new in logged {

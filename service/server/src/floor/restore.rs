@@ -20,9 +20,17 @@ impl Floors {
     /// Those of the store. A machine whose records are damaged is left out, and said so in the log.
     pub(crate) async fn restore(&self, store: &Store) -> Result<()> {
         self.renew_machines(store).await?;
+        self.recall(store, |_| true).await
+    }
+
+    /// Takes over what the log says of the newest runs of machines, such as those that are made again under their old names.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub(crate) async fn recall(&self, store: &Store, wanted: impl Fn(&str) -> bool) -> Result<()> {
         // Identifiers of runs ascend by time.
         let mut of_runs: BTreeMap<Uuid, ((Tenant, String), Vec<RunCondition>)> = BTreeMap::new();
-        for found in store.open_conditions(MAX_LOGGED).await? {
+        for found in store.open_conditions(MAX_LOGGED).await?.into_iter().filter(|found| wanted(&found.machine_id)) {
             let of_run = || ((found.tenant, found.machine_id), Vec::new());
             of_runs.entry(found.run_id).or_insert_with(of_run).1.push(found.condition);
         }
@@ -30,7 +38,7 @@ impl Floors {
         for (run, (of, conditions)) in of_runs {
             open.entry(of).or_default().extend(logged_of(store, run, &conditions).await?);
         }
-        for runs in store.machine_runs().await? {
+        for runs in store.machine_runs().await?.into_iter().filter(|runs| wanted(&runs.machine_id)) {
             let view = readable(&runs.machine_id, newest_view(store, runs.newest).await)?;
             let of = (runs.tenant, runs.machine_id);
             let logged = open.remove(&of).unwrap_or_default();
@@ -39,18 +47,23 @@ impl Floors {
         Ok(())
     }
 
-    /// Takes over the machines of the store as they are now.
+    /// Takes over the machines of the store as they are now; those that were not known.
     ///
     /// # Errors
     /// Those of the store.
-    pub(super) async fn renew_machines(&self, store: &Store) -> Result<()> {
+    pub(super) async fn renew_machines(&self, store: &Store) -> Result<BTreeSet<String>> {
+        let mut new = BTreeSet::new();
         let mut known = self.machines();
         let mut page = PageRequest { size: feedwave_store::MAX_PAGE_SIZE, token: String::new() };
         loop {
             let machines = store.list_machines(&page).await?;
             for record in &machines.items {
-                if known.remove(&record.id).is_some_and(|etag| etag == record.etag) {
-                    continue;
+                match known.remove(&record.id) {
+                    Some(etag) if etag == record.etag => continue,
+                    Some(_) => {}
+                    None => {
+                        new.insert(record.id.clone());
+                    }
                 }
                 let machine = readable(&record.id, stored::from_stored::<Machine>(record.body.get()))?;
                 self.put_machine(&record.id, &record.etag, &machine.unwrap_or_default().display_name);
@@ -63,7 +76,7 @@ impl Floors {
         for id in known.keys() {
             self.remove_machine(id);
         }
-        Ok(())
+        Ok(new)
     }
 }
 
