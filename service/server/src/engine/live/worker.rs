@@ -142,8 +142,7 @@ impl Worker {
                     ended = Some(error);
                 }
             }
-            let is_reached = self.session.waiting_decisions().iter().any(|decision| change_of(decision).is_some());
-            let request = match self.gate.advance(&mut self.setpoints, &mut self.session, is_reached) {
+            let request = match self.advance() {
                 // The refusal is durable before the stream ends.
                 Err(error @ Error::Precondition { .. }) => {
                     ended = ended.or(Some(error));
@@ -180,6 +179,12 @@ impl Worker {
                 return ended.map_or(Ok(()), Err);
             }
         }
+    }
+
+    /// Goes on with a planned change of the spindle speed; what is to be asked of the client.
+    fn advance(&mut self) -> Result<Option<proto::RunSpindleRequest>> {
+        let is_reached = self.session.waiting_decisions().iter().any(|decision| change_of(decision).is_some());
+        self.gate.advance(&mut self.setpoints, &mut self.session, is_reached)
     }
 
     /// What waiting decisions ask of feed and spindle.
