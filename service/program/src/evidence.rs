@@ -139,7 +139,7 @@ impl Evidence {
             let is_torn = core::mem::replace(&mut torn_at, u32::MAX) == token.start;
             match token.kind {
                 TokenKind::Word | TokenKind::Computed | TokenKind::Corner | TokenKind::ComputedCorner if !is_torn => {
-                    words += 1
+                    words += 1;
                 }
                 TokenKind::Output => words += 1,
                 TokenKind::Assignment if is_parameter(&line[start..]) => words += 1,
