@@ -22,7 +22,7 @@ pub enum File {
     /// In memory.
     Memory(Bytes),
     /// Stored, and read chunk by chunk.
-    Stored(StoredFile),
+    Stored(Box<StoredFile>),
 }
 
 /// A stored program.
@@ -63,12 +63,16 @@ impl Source {
 impl File {
     /// A stored program. Call inside a runtime.
     pub fn stored(store: Store, id: ProgramId) -> Self {
-        Self::Stored(StoredFile { store, id, size_bytes: OnceLock::new(), runtime: Handle::current() })
+        Self::stored_file(store, id, OnceLock::new())
     }
 
     /// A stored program of this size, bytes. Call inside a runtime.
     pub fn stored_of_size(store: Store, id: ProgramId, size_bytes: u64) -> Self {
-        Self::Stored(StoredFile { store, id, size_bytes: OnceLock::from(size_bytes), runtime: Handle::current() })
+        Self::stored_file(store, id, OnceLock::from(size_bytes))
+    }
+
+    fn stored_file(store: Store, id: ProgramId, size_bytes: OnceLock<u64>) -> Self {
+        Self::Stored(Box::new(StoredFile { store, id, size_bytes, runtime: Handle::current() }))
     }
 }
 
