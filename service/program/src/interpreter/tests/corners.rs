@@ -8,7 +8,7 @@ use super::*;
 fn the_size_of_a_corner_may_be_computed() {
     for (words, written) in [(",R#1", ",R5."), (",C[#1-3]", ",C2."), (",R-#2", ",R1.")] {
         let program = |corner: &str| format!("#1=5\n#2=-1\nG1 X10 {corner} F100\nY20");
-        let found = |corner: &str| render(&program(corner), &mill());
+        let found = |corner: &str| render(program(corner), &mill());
         assert_eq!(found(words), found(written), "{words}");
         assert!(found(words).contains("Y20") && !found(words).contains('!'), "{}", found(words));
     }
