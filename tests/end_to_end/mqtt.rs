@@ -305,28 +305,6 @@ async fn a_machine_that_is_deleted_is_retained_no_more() {
 
 #[tokio::test]
 #[ignore = "needs mosquitto: tests/mqtt/run.sh"]
-async fn what_an_earlier_process_left_of_a_machine_is_cleared_and_nothing_else() {
-    let broker = Broker::anonymous().await;
-    for (topic, text) in [
-        ("feedwave/gone/state", r#"{"machine":"machines/gone","execution":"EXECUTION_IDLE"}"#),
-        ("feedwave/door/state", r#"{"open":true}"#),
-    ] {
-        let port = broker.port.to_string();
-        let publish = ["-h", "localhost", "-p", &port, "-q", "1", "-r", "-t", topic, "-m", text];
-        let said = Command::new(program("mosquitto_pub")).args(publish).status().await.expect("it runs");
-        assert!(said.success());
-    }
-    let mut subscriber = broker.subscribe(&[]);
-    subscriber.until(|message| message.topic == "feedwave/gone/state" && message.retained).await;
-    let _server = publisher(broker.port, "").await;
-    subscriber.until(|message| message.topic == "feedwave/gone/state" && message.payload == Value::Null).await;
-    let mut late = broker.subscribe(&[]);
-    let door = late.until(|message| message.topic == "feedwave/door/state").await;
-    assert_eq!(door.payload["open"], true);
-}
-
-#[tokio::test]
-#[ignore = "needs mosquitto: tests/mqtt/run.sh"]
 async fn the_broker_says_that_the_service_was_killed() {
     let broker = Broker::anonymous().await;
     let mut subscriber = broker.subscribe(&[]);

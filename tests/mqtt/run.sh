@@ -11,7 +11,7 @@ source .ci/debian
 
 root=${CARGO_TARGET_DIR:-$PWD/target}/ci/mosquitto
 readonly packages=(mosquitto mosquitto-clients libmosquitto1 libcjson1 libwrap0 libdlt2)
-readonly programs=(mosquitto mosquitto_sub mosquitto_pub mosquitto_passwd)
+readonly programs=(mosquitto mosquitto_sub mosquitto_passwd)
 
 missing() {
     echo "mosquitto cannot be had: $1" >&2

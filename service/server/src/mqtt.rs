@@ -158,7 +158,7 @@ impl Publisher {
 
     /// The client with what the files say now, made where there is none.
     async fn connect<'a>(
-        &mut self,
+        &self,
         client: &'a mut Option<(AsyncClient, EventLoop)>,
     ) -> Result<(&'a AsyncClient, &'a mut EventLoop), String> {
         let connector = self.connector.clone();
@@ -167,8 +167,7 @@ impl Publisher {
         let options: MqttOptions =
             options.map_err(|error| error.to_string())?.map_err(|error: TlsError| error.to_string())?;
         if client.is_none() {
-            let retained = self.connector.begin_session(options.clone()).await.map_err(|error| error.to_string())?;
-            self.states.are_retained(retained);
+            self.connector.forget_session(options.clone()).await.map_err(|error| error.to_string())?;
         }
         let (client, events) = client.get_or_insert_with(|| Connector::client(options.clone()));
         events.mqtt_options = options;

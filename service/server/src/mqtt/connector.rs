@@ -1,16 +1,12 @@
-//! How the broker is reached: its address, what is shown to it, what it has from earlier, and what it is to say when the service is
-//! gone.
+//! How the broker is reached: its address, what is shown to it, and what it is to say when the service is gone.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use feedwave_contract::names;
 use rumqttc::{
-    AsyncClient, ConnectionError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Outgoing, Packet, QoS,
-    SubscribeReasonCode, TlsConfiguration, Transport,
+    AsyncClient, ConnectionError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Outgoing, QoS,
+    TlsConfiguration, Transport,
 };
-use tokio::time::timeout;
 
 use super::in_flight::MAX_IN_FLIGHT;
 use crate::config::{Broker, MqttConfig};
@@ -18,11 +14,7 @@ use crate::connections::{TlsError, client_config};
 
 /// How long a connection may take to be made, and a message to be handed to the network.
 pub(super) const PATIENCE: Duration = Duration::from_secs(10);
-/// After how long without a message a broker has sent what it retains.
-const SILENCE: Duration = Duration::from_secs(1);
-/// What stands for the identifier of a machine in a topic.
-const MACHINE: &str = "{machine}";
-/// Largest message that a broker may send, bytes: nothing is subscribed to for long, so these are answers.
+/// Largest message that a broker may send, bytes: nothing is subscribed to, so these are answers.
 const MAX_INCOMING_BYTES: usize = 64 << 10;
 /// What a message has besides topic and payload, bytes at most.
 const MAX_HEAD_BYTES: usize = 16;
@@ -82,83 +74,24 @@ impl Connector {
     }
 
     /// Makes the broker forget what an earlier process of this name had not finished: its numbers of messages are not those of this
-    /// one. Nobody is told that the service came and went. The machines whose states the broker retains, of which the earlier process
-    /// may have known and this one does not.
-    pub(super) async fn begin_session(&self, mut options: MqttOptions) -> Result<BTreeSet<String>, ConnectionError> {
+    /// one. Nobody is told that the service came and went.
+    pub(super) async fn forget_session(&self, mut options: MqttOptions) -> Result<(), ConnectionError> {
         let (name, transport) = (options.client_id(), options.transport());
         let mut without_will = MqttOptions::new(name, &self.broker.host, self.broker.port);
         without_will.set_transport(transport).set_clean_session(true).set_keep_alive(options.keep_alive());
-        // Own states come back.
-        let largest = largest_packet(&self.config);
-        without_will.set_max_packet_size(largest, largest);
         if let Some(login) = options.credentials() {
             without_will.set_credentials(login.username, login.password);
         }
         options = without_will;
         let (client, mut events) = Self::client(options);
-        let connected = async {
-            while !matches!(events.poll().await?, Event::Incoming(Packet::ConnAck(_))) {}
+        let goodbye = async {
+            while !matches!(events.poll().await?, Event::Incoming(rumqttc::Packet::ConnAck(_))) {}
+            let _ = client.try_disconnect();
+            while !matches!(events.poll().await?, Event::Outgoing(Outgoing::Disconnect)) {}
             Ok(())
         };
-        timeout(PATIENCE, connected).await.unwrap_or(Err(ConnectionError::NetworkTimeout))?;
-        let mut retained = BTreeSet::new();
-        let listed = timeout(PATIENCE, self.list_retained(&client, &mut events, &mut retained)).await;
-        if let Err(reason) = listed.unwrap_or_else(|_| Err("there are too many".to_owned())) {
-            // The session is forgotten, which is what has to be.
-            let broker = self.broker();
-            tracing::warn!(
-                broker,
-                reason,
-                "the states that the MQTT broker retains could not all be read: those of deleted machines may stay"
-            );
-        }
-        let goodbye = async {
-            let _ = client.try_disconnect();
-            while !matches!(events.poll().await, Ok(Event::Outgoing(Outgoing::Disconnect)) | Err(_)) {}
-        };
-        let _ = timeout(PATIENCE, goodbye).await;
-        Ok(retained)
+        tokio::time::timeout(PATIENCE * 2, goodbye).await.unwrap_or(Err(ConnectionError::NetworkTimeout))
     }
-
-    /// Reads which machines the broker retains states of, until it says nothing more.
-    async fn list_retained(
-        &self,
-        client: &AsyncClient,
-        events: &mut EventLoop,
-        retained: &mut BTreeSet<String>,
-    ) -> Result<(), String> {
-        let topic = &self.config.state_topic;
-        client.try_subscribe(filter_of(topic), QoS::AtMostOnce).map_err(|error| error.to_string())?;
-        let mut wait = PATIENCE;
-        while let Ok(event) = timeout(wait, events.poll()).await {
-            match event.map_err(|error| error.to_string())? {
-                Event::Incoming(Packet::SubAck(answer)) => {
-                    if answer.return_codes.contains(&SubscribeReasonCode::Failure) {
-                        return Err("it does not let the service subscribe to them".to_owned());
-                    }
-                    wait = SILENCE;
-                }
-                Event::Incoming(Packet::Publish(message)) if message.retain => {
-                    retained.extend(machine_of(topic, &message.topic, &message.payload));
-                }
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-}
-
-/// What is subscribed to for the topics of all machines.
-fn filter_of(topic: &str) -> String {
-    let levels: Vec<&str> = topic.split('/').map(|level| if level.contains(MACHINE) { "+" } else { level }).collect();
-    levels.join("/")
-}
-
-/// The machine whose state a message is; `None` where it is something else that has come to a topic like ours.
-fn machine_of(pattern: &str, topic: &str, payload: &[u8]) -> Option<String> {
-    let state: serde_json::Value = serde_json::from_slice(payload).ok()?;
-    let id = names::parse_machine(state.get("machine")?.as_str()?).ok()?;
-    (pattern.replace(MACHINE, id) == topic).then(|| id.to_string())
 }
 
 /// The largest packet that a message makes.
@@ -180,23 +113,4 @@ fn password(path: &Path) -> Result<String, TlsError> {
         return Err(problem("it must hold a password of 1 to 65535 bytes".to_owned()));
     }
     Ok(password.to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn states_are_told_from_what_others_retain() {
-        assert_eq!(filter_of("feedwave/{machine}/state"), "feedwave/+/state");
-        assert_eq!(filter_of("hall-2/cnc-{machine}"), "hall-2/+");
-        let state = br#"{"machine":"machines/lathe","availability":"AVAILABILITY_AVAILABLE"}"#;
-        let machine = |pattern: &str, topic: &str, payload: &[u8]| machine_of(pattern, topic, payload);
-        assert_eq!(machine("a/{machine}/s", "a/lathe/s", state), Some("lathe".to_owned()));
-        assert_eq!(machine("{machine}/cnc-{machine}", "lathe/cnc-lathe", state), Some("lathe".to_owned()));
-        assert_eq!(machine("a/{machine}/s", "a/door/s", state), None);
-        for other in ["", "open", "7", r#"{"machine":7}"#, r#"{"machine":"door"}"#, r#"{"state":"open"}"#] {
-            assert_eq!(machine("a/{machine}/s", "a/lathe/s", other.as_bytes()), None, "{other}");
-        }
-    }
 }

@@ -61,11 +61,6 @@ impl States {
         }
     }
 
-    /// The broker retains states of these machines: of those that are not there any more they are to be cleared.
-    pub(super) fn are_retained(&mut self, machines: BTreeSet<String>) {
-        self.retained.extend(machines);
-    }
-
     /// From now on everything is told again.
     pub(super) fn begin_anew(&mut self) {
         self.reader = self.floor.reader(None);
@@ -256,16 +251,6 @@ mod tests {
         states.begin_anew();
         let expected = [("lathe", "Lathe"), ("mill", ""), ("third", "Third")];
         let expected = expected.map(|(id, name)| pair(&format!("feedwave/{id}/state"), name));
-        assert_eq!(told(&mut states).await, expected);
-    }
-
-    #[tokio::test(start_paused = true)]
-    async fn what_an_earlier_process_left_is_cleared() {
-        let floor = Floor::new();
-        floor.put_machine("lathe", "1", "Lathe");
-        let mut states = States::new(floor, &MqttConfig::default());
-        states.are_retained(["lathe", "mill"].map(str::to_owned).into());
-        let expected = [("lathe", "Lathe"), ("mill", "")].map(|(id, name)| pair(&format!("feedwave/{id}/state"), name));
         assert_eq!(told(&mut states).await, expected);
     }
 
