@@ -15,6 +15,9 @@
 //! ```
 //!
 //! of an axis. Each may use a fixed share of the axis' limit, and the elements on both sides leave that share free.
+//!
+//! A corner is passed with the step of velocity v·Δτ that the machine permits of an axis. In chords the steps follow each other at
+//! the rate v/ℓ, which is an acceleration of v²·Δτ/ℓ however small each of them is. It may use a share of the axis' limit too.
 
 use feedwave_program::{AXIS_COUNT, Position};
 use serde::{Deserialize, Serialize};
@@ -53,6 +56,14 @@ impl Junction {
     pub(crate) const REST: Self = Self { speed: 0.0, reserve: 0.0, acceleration: 0.0 };
     /// Inside an element: nothing changes.
     pub(crate) const NONE: Self = Self { speed: f64::INFINITY, reserve: 0.0, acceleration: f64::INFINITY };
+
+    /// A corner that may be passed at this speed where it stands alone, and has elements of this length beside it. The step of
+    /// velocity of the axis with the least acceleration for it is `kink` of the speed, over that acceleration, s²/mm.
+    fn at_corner(speed: f64, kink: f64, length_mm: f64) -> Self {
+        let speed = speed.min((LARGEST_RESERVE * length_mm / kink).sqrt());
+        let reserve = speed * speed * kink / length_mm;
+        Self { speed, reserve, acceleration: 0.0 }
+    }
 }
 
 impl JunctionRules {
@@ -94,6 +105,7 @@ impl JunctionRules {
         // Largest steps relative to the axes' limits, per unit of v and v².
         let (mut kink_acceleration, mut kink_jerk, mut bend_jerk) = (0.0_f64, 0.0_f64, 0.0_f64);
         let mut corner_speed = top_speed;
+        let length = from.length.min(to.length);
         for index in 0..AXIS_COUNT {
             let gap = (to.start[index] + to.work_offset[index]) - (from.end[index] + from.work_offset[index]);
             if gap.abs() > SAME_POINT_MM {
@@ -111,11 +123,10 @@ impl JunctionRules {
         }
         if square > TANGENT_TOLERANCE_RAD * TANGENT_TOLERANCE_RAD {
             let passes = passes_corners && !from.rapid && corner_speed > 0.0;
-            return passes.then_some(Junction { speed: corner_speed, reserve: 0.0, acceleration: 0.0 });
+            return passes.then(|| Junction::at_corner(corner_speed, kink_acceleration, length));
         }
 
         let period_s = self.period_s;
-        let length = from.length.min(to.length);
         // A division by zero is no limit at all.
         let speed = top_speed
             .min(KINK_ACCELERATION_SHARE * period_s / kink_acceleration)

@@ -176,8 +176,38 @@ fn check(
     Ok(())
 }
 
+/// Corners that are passed with a step of velocity: over any time an axis changes its velocity by no more than one step and what
+/// its acceleration permits.
+fn check_steps(pieces: &[Piece], machine: &Machine, feed_mm_per_min: f64, period_s: f64) -> Result<(), TestCaseError> {
+    let p = setpoints(&plan(&elements(pieces), machine, feed_mm_per_min, 512, period_s), period_s);
+    for periods in [1, 2, 3, 5, 8, 21, 55] {
+        for k in periods + 1..p.len() {
+            for (column, axis) in machine.axes.iter().enumerate() {
+                let velocity = |k: usize| (p[k][column] - p[k - 1][column]) / period_s;
+                let change = (velocity(k) - velocity(k - periods)).abs();
+                let permitted = axis.max_velocity_step_per_s + axis.max_acceleration_per_s2 * periods as f64 * period_s;
+                prop_assert!(change <= permitted * (1.0 + 1e-6), "{change} of {permitted} mm/s of {} at {k}", axis.name);
+            }
+        }
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn steps_at_corners_do_not_add_up(
+        mut pieces in pieces(-2.5..1.0), turn_rad in 1.1e-3..0.3_f64, count in 0..300_usize, length_exponent in -3.0..0.0_f64,
+        feed in 300.0..30_000.0_f64, step_mm_per_s in 0.5..20.0_f64,
+        period_s in prop_oneof![Just(2.5e-4), Just(1e-3), Just(4e-3)], jerk_scale in 0.0..3.0_f64,
+    ) {
+        let shape = Shape::Line { length_mm: 10.0_f64.powf(length_exponent) };
+        pieces.extend(vec![Piece { turn_rad, shape }; count]);
+        let mut machine = machine(10.0_f64.powf(jerk_scale));
+        machine.axes.iter_mut().for_each(|axis| axis.max_velocity_step_per_s = step_mm_per_s);
+        check_steps(&pieces, &machine, feed, period_s)?;
+    }
 
     #[test]
     fn setpoints_of_whole_plans_keep_every_limit(

@@ -90,6 +90,28 @@ fn junctions_in_quick_succession_count_by_their_rate() {
 }
 
 #[test]
+fn corners_in_quick_succession_count_by_their_rate() {
+    // Chords of a circle, 0.02 mm long with 0.04 rad between them: v·0.04 ≤ 5 mm/s would let them pass at 125 mm/s, and
+    // v²·0.04/0.02 ≤ 0.5·10 000 is 50 mm/s.
+    let mut machine = Machine::mill();
+    machine.axes = [Axis::X, Axis::Y].map(|axis| MachineAxis::new(axis, 500.0, 10_000.0, 5e6)).to_vec();
+    machine.axes.iter_mut().for_each(|axis| axis.max_velocity_step_per_s = 5.0);
+    let rules = JunctionRules::new(&machine, PERIOD_S);
+    let turned = |length: f64| line([0.0; 3], [length * 0.04_f64.cos(), length * 0.04_f64.sin(), 0.0]);
+    let before = |length: f64| line([-length, 0.0, 0.0], [0.0; 3]);
+    let passes = |from: f64, to: f64| rules.junction(&before(from), &turned(to), 1e3, 0.0, true).expect("passes");
+    for (from, to) in [(0.02, 0.02), (30.0, 0.02), (0.02, 30.0)] {
+        let junction = passes(from, to);
+        assert!((junction.speed - 50.0).abs() < 0.02, "{} mm/s", junction.speed);
+        assert!((junction.reserve - LARGEST_RESERVE).abs() < 1e-12);
+    }
+    // Alone it is passed with its step.
+    let alone = passes(30.0, 30.0);
+    assert!((alone.speed * 0.04_f64.sin() - 5.0).abs() < 1e-9, "{} mm/s", alone.speed);
+    assert!(alone.reserve < 0.003, "{}", alone.reserve);
+}
+
+#[test]
 fn an_axis_the_machine_lacks_does_not_limit() {
     let mut machine = Machine::mill();
     machine.axes.truncate(1);
