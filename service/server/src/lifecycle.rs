@@ -1,6 +1,7 @@
 //! A server from its first port to its last call: start, run, drain.
 
 mod certificates;
+mod onlookers;
 mod ports;
 
 use std::net::SocketAddr;
@@ -14,6 +15,7 @@ use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
 use self::certificates::Certificates;
+use self::onlookers::Onlookers;
 use self::ports::{Apps, Asked, Listeners, Ports};
 use crate::api::Api;
 use crate::audit::AuditLog;
@@ -76,8 +78,8 @@ pub struct RunningServer {
     health: HealthReporter,
     certificates: Certificates,
     ports: Ports,
-    http_stop: CancellationToken,
     mqtt: Option<JoinHandle<()>>,
+    onlookers: Onlookers,
 }
 
 impl Server {
@@ -88,6 +90,7 @@ impl Server {
     pub async fn start(config: Config) -> Result<RunningServer, StartError> {
         let metrics = Arc::new(Metrics::new());
         let store = open_store(&config, metrics.clone()).await?;
+        let onlookers = Onlookers::start().map_err(|error| StartError::Setup(error.to_string()))?;
         let listeners = Listeners::open(&config).await?;
         let draining = CancellationToken::new();
         let engine = Engine::new(store.clone(), metrics.clone(), config.limits.clone(), draining.clone());
@@ -113,17 +116,16 @@ impl Server {
             .map_err(|error| StartError::Tls { key: error.key, reason: error.reason })?;
         let audit = AuditLog::new(store.clone(), engine.clone());
         engine.spawn(audit.clone().follow(draining.clone()));
-        let http_stop = CancellationToken::new();
         let asked = Asked { api: &api, access: &certificates.access, audit: &audit, readiness, health: &health };
         let apps = Apps::new(asked, &config).await?;
 
         engine.start();
-        let ports = listeners.serve(apps, &config, &certificates, &metrics, &http_stop, draining);
-        let (access, stop) = (certificates.access.clone(), http_stop.clone());
+        let ports = listeners.serve(apps, &config, &certificates, &metrics, &onlookers, draining);
+        let (access, stop) = (certificates.access.clone(), onlookers.stop().clone());
         tokio::spawn(async move { stop.run_until_cancelled(access.follow_keys()).await });
-        tokio::spawn(certificates.clone().watch(http_stop.clone()));
-        let mqtt = mqtt.map(|publisher| tokio::spawn(publisher.run(http_stop.clone())));
-        Ok(RunningServer { config, engine, metrics, store, health, certificates, ports, http_stop, mqtt })
+        tokio::spawn(certificates.clone().watch(onlookers.stop().clone()));
+        let mqtt = mqtt.map(|publisher| onlookers.spawn(publisher.run(onlookers.stop().clone())));
+        Ok(RunningServer { config, engine, metrics, store, health, certificates, ports, onlookers, mqtt })
     }
 }
 
@@ -184,7 +186,7 @@ impl RunningServer {
             tracing::warn!(seconds = drain.as_secs(), "calls or connections did not finish in time and were cut off");
             self.ports.grpc.abort();
         }
-        self.http_stop.cancel();
+        self.onlookers.stop().cancel();
         if let Some(mut mtconnect) = self.ports.mtconnect.take()
             && tokio::time::timeout(drain, &mut mtconnect).await.is_err()
         {

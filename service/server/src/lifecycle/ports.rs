@@ -20,6 +20,7 @@ use uuid::Uuid;
 
 use super::StartError;
 use super::certificates::Certificates;
+use super::onlookers::Onlookers;
 use crate::access::Access;
 use crate::api::Api;
 use crate::audit::AuditLog;
@@ -111,14 +112,14 @@ impl Listeners {
         Ok(Self { grpc, http, mtconnect })
     }
 
-    /// Serves them: the gRPC port until `draining`, the others until `http_stop`.
+    /// Serves them: the gRPC port until `draining`, those of onlookers until they are to stop.
     pub(super) fn serve(
         self,
         apps: Apps,
         config: &Config,
         certificates: &Certificates,
         metrics: &Metrics,
-        http_stop: &CancellationToken,
+        onlookers: &Onlookers,
         draining: CancellationToken,
     ) -> Ports {
         let clients = Clients::new(bounded_by_descriptors(config), metrics.connections.clone());
@@ -143,8 +144,8 @@ impl Listeners {
             http_addr,
             mtconnect_addr,
             grpc: tokio::spawn(grpc.serve(draining)),
-            http: tokio::spawn(http.serve(http_stop.clone())),
-            mtconnect: mtconnect.map(|mtconnect| tokio::spawn(mtconnect.serve(http_stop.clone()))),
+            http: onlookers.spawn(http.serve(onlookers.stop().clone())),
+            mtconnect: mtconnect.map(|mtconnect| onlookers.spawn(mtconnect.serve(onlookers.stop().clone()))),
         }
     }
 }
