@@ -145,7 +145,12 @@ pub(super) fn count(value: u64) -> String {
 
 /// A noun in the number that fits.
 pub(super) fn counted(value: u64, noun: &str) -> String {
-    format!("{} {noun}{}", count(value), if value == 1 { "" } else { "s" })
+    let ending = match value {
+        1 => "",
+        _ if noun.ends_with('s') => "es",
+        _ => "s",
+    };
+    format!("{} {noun}{ending}", count(value))
 }
 
 #[cfg(test)]
@@ -157,6 +162,6 @@ mod tests {
         let shown = [0.0, 0.03, 41.666_666, 1_234_567.8, -0.000_012_345, 100.0].map(|value| number(value, 4));
         assert_eq!(shown, ["0", "0.03", "41.67", "1234568", "-0.00001234", "100"]);
         assert_eq!(count(1_234_567), "1 234 567");
-        assert_eq!(counted(1, "warning"), "1 warning");
+        assert_eq!([counted(1, "warning"), counted(2, "pass")], ["1 warning", "2 passes"]);
     }
 }

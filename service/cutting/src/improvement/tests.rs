@@ -282,6 +282,23 @@ fn a_speed_whose_change_would_leave_other_chips_unbroken_stays() {
 }
 
 #[test]
+fn a_section_whose_own_change_is_taken_back_is_not_left_worse_by_a_speed() {
+    // The first section breaks, and a smaller amplitude of it does not hold; the second one asks for another speed, which would be that
+    // of both.
+    let program = "G21 G18 G99 G97 S800 M3\nG0 X30. Z2.\nG200 F70. A0.03137\nG1 Z-11. F0.0127\nG201\nG0 X32.\n\
+                   G200 F66. A0.035\nG1 Z-35. F0.0886\nG201\nM30\n";
+    let goals = ImprovementGoals { least_amplitude: true, spindle_rev_per_min: Some([600.0, 2_500.0]), ..goals() };
+    let improvement = improved(program, &lathe(), &goals);
+    is_consistent(program, &lathe(), &improvement);
+    let broken = |report: &ValidationReport| -> Vec<bool> {
+        report.sections.iter().map(|section| section.chip_spans.iter().all(|span| span.broken)).collect()
+    };
+    let [before, after] = [broken(&improvement.before), broken(&improvement.after)];
+    assert_eq!(before, [true, false]);
+    assert!(after[0], "{}", text(&improvement));
+}
+
+#[test]
 fn a_stated_frequency_is_kept_to_the_digit() {
     let program = turning("F45 A0.06", 1_000.0, "F0.1", 6.0);
     let one = SearchGoals { frequency_hz: Some([45.0, 45.0]), ..goals().vibration };

@@ -134,7 +134,7 @@ fn settle<S: Surroundings>(
                 taken_back = true;
             }
         }
-        if !taken_back && others_break_less(work, sections, &after) {
+        if !taken_back && others_break_less(work, sections, [before, &after]) {
             let sped = |section: &&mut Section| matches!(&section.outcome, Outcome::Changed(changed) if changed.speed_rev_per_min.is_some());
             for section in sections.iter_mut().filter(sped) {
                 section.outcome = Outcome::NotPossible(
@@ -160,12 +160,19 @@ fn settle<S: Surroundings>(
     }
 }
 
-/// Whether a section that did what is wanted, and stays, does not any more.
-fn others_break_less<S: Surroundings>(work: &Work<'_, S>, sections: &[Section], after: &ValidationReport) -> bool {
+/// Whether a section that stays as it is breaks its chips less surely than before, and than is wanted.
+fn others_break_less<S: Surroundings>(
+    work: &Work<'_, S>,
+    sections: &[Section],
+    [before, after]: [&ValidationReport; 2],
+) -> bool {
     let goals = &work.goals.vibration;
-    sections.iter().filter(|section| matches!(section.outcome, Outcome::Holds)).any(|section| {
-        let own: Vec<_> = after.sections.iter().filter(|it| it.on_line == section.line).collect();
-        judged::margin_of(&own, work.config, goals) < goals.margin * (1.0 - ROUNDING)
+    sections.iter().filter(|section| !matches!(section.outcome, Outcome::Changed(_))).any(|section| {
+        let [before, after] = [before, after].map(|report| {
+            let own: Vec<_> = report.sections.iter().filter(|it| it.on_line == section.line).collect();
+            judged::margin_of(&own, work.config, goals)
+        });
+        after < before.min(goals.margin) * (1.0 - ROUNDING)
     })
 }
 
