@@ -237,7 +237,7 @@ def test_errors_carry_code_reason_and_violations(client):
 def test_certificates_and_tokens_open_an_encrypted_service(tmp_path, monkeypatch):
     tls, clients = FIXTURES / "tls", tmp_path / "clients.toml"
     command = [os.environ["FEEDWAVE_BINARY"], "token", "dashboard", "--role", "viewer", "--clients", str(clients)]
-    token = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    token = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     settings = {"TLS__CERT": tls / "server.pem", "TLS__KEY": tls / "server-key.pem", "TLS__CLIENT_CA": tls / "ca.pem", "AUTH__CLIENTS": clients}
     service = Service(tmp_path, **{name: str(path) for name, path in settings.items()})
     own = {"cert": tls / "client.pem", "key": tls / "client-key.pem", "domain": "feedwave.test"}

@@ -417,13 +417,34 @@ def test_pauses_are_random_and_never_shorter_than_told():
         errors.ResourceExhausted("too large", details=errors.Details(domain="feedwave")),
         errors.InvalidArgument("wrong", details=errors.Details(domain="feedwave")),
         errors.Internal("a fault", details=errors.Details(domain="feedwave")),
+        # Of this side, and of something between that is no such service.
         errors.Unknown("Exception iterating requests!"),
+        errors.Internal("Exception serializing request!"),
+        errors.Internal("Invalid metadata"),
+        errors.Cancelled("Channel closed!"),
+        errors.Unknown("no message"),
         errors.Aborted("taken up elsewhere"),
     ],
 )
 def test_what_does_not_pass_is_not_tried_again(error):
     with pytest.raises(type(error)):
         attempts(feedwave.Retries(), error, "here")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.Unavailable("Socket closed"),
+        errors.Unknown("Stream removed"),
+        errors.Internal("RST_STREAM (Received RST_STREAM with error code 2)"),
+        errors.Cancelled("Received RST_STREAM with error code 8"),
+        errors.Unknown("GOAWAY received"),
+        errors.ResourceExhausted("busy", details=errors.Details(domain="feedwave", retry_after_s=0.0)),
+    ],
+)
+def test_a_connection_that_breaks_is_made_again(error):
+    pauses, result = attempts(feedwave.Retries(), error, "here")
+    assert result == "here" and len(pauses) == 1
 
 
 def test_attempts_end_in_time():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -12,8 +13,9 @@ from google.rpc import error_details_pb2, status_pb2
 
 # Trailer that carries a google.rpc.Status.
 _DETAILS = "grpc-status-details-bin"
-# How the library begins the message of an error that happened on this side: a request that cannot be read or written.
-_LOCAL = "Exception "
+# What the library says of a connection that broke under a call, by whichever side. Everything else without details is an error of this side,
+# as of a request that cannot be written, or of something between that is no such service.
+_BROKEN = re.compile(r"RST_STREAM|GOAWAY|stream removed|no status received|(socket|endpoint|transport|connection) (closed|reset)", re.IGNORECASE)
 
 
 class Error(Exception):
@@ -103,7 +105,7 @@ class ServiceError(Error):
             return self.retry_after_s is not None
         # A connection that breaks in the middle: the service itself always says why.
         broken = (grpc.StatusCode.UNKNOWN, grpc.StatusCode.INTERNAL, grpc.StatusCode.CANCELLED)
-        return self.status in broken and not self.details.domain and not self.message.startswith(_LOCAL)
+        return self.status in broken and not self.details.domain and _BROKEN.search(self.message) is not None
 
 
 class Cancelled(ServiceError):

@@ -374,8 +374,9 @@ def connect(
     """A client of the service at an address. The connection is made with the first call.
 
     Args:
-        address: `HOST:PORT`, `http://HOST:PORT`, or `https://HOST:PORT` for TLS; of `FEEDWAVE_SERVER` without it, or 127.0.0.1:50051.
-        token: shown with every call; of `FEEDWAVE_TOKEN_FILE` or `FEEDWAVE_TOKEN` without it.
+        address: `HOST:PORT`, `http://HOST:PORT`, or `https://HOST:PORT` for TLS; of `FEEDWAVE_SERVER` without it, or 127.0.0.1:50051. With
+            `http` and `https` the port may be left away: it is 80 and 443.
+        token: shown with every call, without white space around it; of `FEEDWAVE_TOKEN_FILE` or `FEEDWAVE_TOKEN` without it.
         tenant: to act for, where the client acts for any; of `FEEDWAVE_TENANT` without it, or the client's own.
         ca: certificates that the service must be signed by, PEM; with it the connection is encrypted.
         cert, key: certificate of the client and its key, PEM.
@@ -384,6 +385,6 @@ def connect(
         timeout_s: time for one attempt of a call with one answer, s.
 
     Raises:
-        SourceError: for arguments that contradict each other.
+        SourceError: for an address that is none, arguments that contradict each other, and a token that no header can carry.
     """
     return Client(target(address, token, tenant, ca, cert, key, domain), retries, timeout_s)
