@@ -93,6 +93,14 @@ def test_what_cannot_be_is_refused_as_the_service_refuses_it():
     assert refused.value.reason == "START_BEYOND_END"
     with pytest.raises(feedwave.InvalidArgument, match="is not a column|servo-side"):
         plan.setpoints(columns=["SERVO_PHASE"])
+    # Options and settings are held to the same as of a service.
+    for read in (plan.setpoints, plan.batches):
+        with pytest.raises(TypeError, match="'override': did you mean 'overrides'"):
+            read(override=[(2.0, 0.5)])
+        with pytest.raises(feedwave.SourceError, match="start is -1"):
+            read(start=-1)
+    with pytest.raises(TypeError, match="settings: feedwave.Settings"):
+        feedwave.local.validate(SLOT, machine="mill", settings={})
     with pytest.raises(feedwave.SourceError, match="rounds"):
         plan.setpoints(encoding="FIXED_POINT_DELTA")
     refused_plan = feedwave.local.plan(BAD, machine="lathe")

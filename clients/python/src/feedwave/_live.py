@@ -6,12 +6,14 @@ A connection that breaks is taken up at the first setpoint that was not taken; s
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from google.protobuf.message import Message
 
 from ._flow import Retries
-from ._names import resource, value_name, value_of
-from ._options import RunOptions, message_of
+from ._names import resource, seconds, value_name, value_of, whole
+from ._options import MOST_32_BITS, RunOptions, given_of, message_of
 from ._requests import column_kinds
 from ._telemetry import RECONNECT_FOR_S, Link, TelemetryInfo
 from .errors import ContractError
@@ -31,9 +33,11 @@ class LiveRun(Link):
 
     def __init__(self, retries: Retries, job: str | None, run: str | None, start: int, decided: int, options: RunOptions) -> None:
         """A run to begin (`job`) or to take up (`run`), of which `start` setpoints and `decided` decisions are known already."""
-        super().__init__(retries, job, run, decided, options.get("reconnect_for_s", RECONNECT_FOR_S), options.get("sensor_time_ns"))
-        self._options = options
-        self._ahead_s = options.get("ahead_s", AHEAD_S)
+        given = given_of(RunOptions.__optional_keys__, options, *(("start", "decided") if run else ()))
+        super().__init__(retries, job, run, decided, given.get("reconnect_for_s", RECONNECT_FOR_S), given.get("sensor_time_ns"))
+        self._settings, self._columns = _settings(given), column_kinds(given.get("columns", ()))
+        self._ahead_s = seconds("ahead_s", given.get("ahead_s", AHEAD_S))
+        start = whole("start", start)
         # Setpoints taken, given to the caller, in the caller's hand, and permitted.
         self.taken, self._given, self._in_hand, self._credit = start, start, start, 0
         # Index of the next setpoint of this connection.
@@ -77,7 +81,7 @@ class LiveRun(Link):
     @ahead_s.setter
     def ahead_s(self, ahead_s: float) -> None:
         with self._guard:
-            self._ahead_s = ahead_s
+            self._ahead_s = seconds("ahead_s", ahead_s)
             self._permit()
 
     def next_event(self) -> Event | None:
@@ -93,11 +97,7 @@ class LiveRun(Link):
         return event
 
     def _start(self) -> Message:
-        options = self._options
-        start = runs_pb2.RunStart(
-            encoding=setpoints_pb2.ENCODING_RAW_DOUBLE,
-            columns=column_kinds(options.get("columns", ())),
-        )
+        start = runs_pb2.RunStart(encoding=setpoints_pb2.ENCODING_RAW_DOUBLE, columns=self._columns)
         if self._sensor_time_ns is not None and not self._has_begun:
             start.sensor_time_ns = self._sensor_time_ns
         if self.name:
@@ -106,12 +106,7 @@ class LiveRun(Link):
             return runs_pb2.RunRequest(start=start)
         assert self._job is not None, "a run without a name has a job"
         start.job = resource("jobs", self._job)
-        start.settings.interpolation_period_us = options.get("interpolation_period_us", 0)
-        start.settings.generation_mode = value_of(machines_pb2.GenerationMode, options.get("generation_mode"))
-        start.settings.frame = value_of(setpoints_pb2.Frame, options.get("frame"))
-        recording = options.get("recording")
-        if recording is not None:
-            start.settings.recording.CopyFrom(message_of(recording_pb2.RecordingSettings, recording))
+        start.settings.CopyFrom(self._settings)
         return runs_pb2.RunRequest(start=start)
 
     def _wrapped(self, batch: telemetry_pb2.TelemetryBatch) -> Message:
@@ -197,6 +192,17 @@ class LiveRun(Link):
         if credit > self._credit:
             self._credit = credit
             self._say(runs_pb2.RunRequest(credit=runs_pb2.RunCredit(end_index=credit)))
+
+
+def _settings(given: Mapping[str, Any]) -> runs_pb2.RunSettings:
+    settings = runs_pb2.RunSettings(
+        interpolation_period_us=whole("interpolation_period_us", given.get("interpolation_period_us", 0), MOST_32_BITS),
+        generation_mode=value_of(machines_pb2.GenerationMode, given.get("generation_mode")),
+        frame=value_of(setpoints_pb2.Frame, given.get("frame")),
+    )
+    if "recording" in given:
+        settings.recording.CopyFrom(message_of(recording_pb2.RecordingSettings, given["recording"]))
+    return settings
 
 
 def _command(kind: runs_pb2.RunCommandKind) -> runs_pb2.RunRequest:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import difflib
 import json
 import os
 import pathlib
@@ -14,13 +15,16 @@ from typing import Any, TypeAlias, TypedDict, TypeVar
 from google.protobuf import json_format
 from google.protobuf.message import Message
 
-from ._names import resource
+from ._names import listed, resource, whole
 from .errors import SourceError
 from .program import Program, ProgramSource
 from .setpoints import Override
 from .v1 import jobs_pb2, machines_pb2, oscillation_pb2, recording_pb2
 
 M = TypeVar("M", bound=Message)
+
+# Largest number that a field of 32 bits has, such as a period, µs.
+MOST_32_BITS = 2**32 - 1
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -99,9 +103,44 @@ class RunOptions(TypedDict, total=False):
     """Steady cuts of the telemetry are kept to learn from, bounded so: `{}` for the defaults; nothing is without it."""
 
 
+def given_of(keys: frozenset[str], options: Mapping[str, Any], *besides: str) -> dict[str, Any]:
+    """The options that are given: what is None is not.
+
+    Python lets every keyword through that a method takes as one of its options; here unknown ones are refused.
+
+    Args:
+        keys: the options that there are, as in `StreamOptions.__optional_keys__`.
+        options: the keywords with their values.
+        besides: further keywords of the method.
+
+    Raises:
+        TypeError: for a keyword that is no option, with the one that is like it.
+    """
+    for name in options:
+        if name not in keys:
+            known = sorted([*keys, *besides])
+            near = difflib.get_close_matches(name, known, 1)
+            meant = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known)}"
+            raise TypeError(f"unexpected keyword argument {name!r}: {meant}")
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def settings_of(settings: Settings) -> Settings:
+    """The settings, which can be meant.
+
+    Raises:
+        TypeError: for something else.
+        SourceError: for a period that cannot be.
+    """
+    if not isinstance(settings, Settings):
+        raise TypeError(f"settings: feedwave.Settings(…) is wanted, not {type(settings).__name__}")
+    whole("settings.interpolation_period_us", settings.interpolation_period_us, MOST_32_BITS)
+    return settings
+
+
 def tools_of(tools: Iterable[str]) -> list[str]:
     """Names of tools."""
-    return [resource("tools", tool) for tool in tools]
+    return [resource("tools", tool) for tool in listed("tools", tools)]
 
 
 def files_of(files: Mapping[str, ProgramSource] | Iterable[ProgramSource]) -> list[Program]:
@@ -116,7 +155,7 @@ def files_of(files: Mapping[str, ProgramSource] | Iterable[ProgramSource]) -> li
         for name, program in zip(files, found, strict=True):
             program.name = name
     else:
-        found = [Program.of(source) for source in files]
+        found = [Program.of(source) for source in listed("files", files)]
     if any(not program.name for program in found):
         raise SourceError("a further program file needs the name that calls find it by: give files as {name: source}")
     return found
@@ -133,8 +172,10 @@ def message_of(kind: type[M], given: M | Mapping[str, Any]) -> M:
     Raises:
         SourceError: for a mapping that is no such message, with the field.
     """
-    if not isinstance(given, Mapping):
+    if isinstance(given, kind):
         return given
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{kind.DESCRIPTOR.name}: the message or a mapping with its fields is wanted, not {type(given).__name__}")
     try:
         return json_format.ParseDict(dict(given), kind())
     except json_format.ParseError as error:

@@ -7,16 +7,17 @@ import uuid
 from collections.abc import Iterator
 from typing import Any
 
-from typing_extensions import Unpack
-
 from ._flow import Call, Emit, Flow, Open, Read, Retries, Stream, Work, call, cancelling, pages, retried
-from ._names import resource, value_name, value_of
+from ._names import listed, resource, seconds, value_name, value_of, whole
 from ._options import (
+    MOST_32_BITS,
     Machine,
     Settings,
     StreamOptions,
+    given_of,
     inline_files,
     message_of,
+    settings_of,
 )
 from .errors import ContractError, NotFound, ServiceError, SourceError
 from .program import Program
@@ -40,6 +41,7 @@ def validate(
     retries: Retries, program: Program, machine: Machine, tools: list[str], files: list[Program], settings: Settings, overrides: Any
 ) -> Flow[Report]:
     """Validates a program without storing anything."""
+    settings = settings_of(settings)
     request = jobs_pb2.ValidateProgramRequest(
         inline_program=program.read(),
         tools=tools,
@@ -70,6 +72,7 @@ def submit(
     request_id: str | None,
 ) -> Flow[jobs_pb2.Job]:
     """Stores a job; what is large is uploaded before."""
+    settings = settings_of(settings)
     request = jobs_pb2.CreateJobRequest(
         # With an id of its own a request can be sent again without making another job.
         request_id=request_id or str(uuid.uuid4()),
@@ -209,13 +212,18 @@ def _stored_program(retries: Retries, name: str, size: int, shown_name: str) -> 
     return Program(text, shown_name)
 
 
-def stream_setpoints(retries: Retries, job: str, **options: Unpack[StreamOptions]) -> Flow[None]:
-    """Emits the layout of a stream, then its setpoints in batches, without gaps however often the connection breaks."""
-    request = stream_request(options)
+def stream_setpoints(retries: Retries, job: str, options: StreamOptions) -> Flow[None]:
+    """Emits the layout of a stream, then its setpoints in batches, without gaps however often the connection breaks.
+
+    Raises:
+        TypeError, SourceError: as `stream_request`, before anything is emitted or sent.
+    """
+    request, count = stream_request(options)
     request.job = resource("jobs", job)
-    place = _Place(left=options.get("count"))
-    if place.left is not None and place.left < 0:
-        raise SourceError(f"count is {place.left}")
+    return _emit_setpoints(retries, request, _Place(left=count))
+
+
+def _emit_setpoints(retries: Retries, request: setpoints_pb2.StreamSetpointsRequest, place: _Place) -> Flow[None]:
     while not (yield from retried(retries, lambda: _read_setpoints(request, place))):
         request.start_index = place.next_index
     return None
@@ -262,30 +270,36 @@ def _read_setpoints(request: setpoints_pb2.StreamSetpointsRequest, place: _Place
     return True
 
 
-def stream_request(options: StreamOptions) -> setpoints_pb2.StreamSetpointsRequest:
-    """What is asked of a stream, but for the job."""
+def stream_request(options: StreamOptions) -> tuple[setpoints_pb2.StreamSetpointsRequest, int | None]:
+    """What is asked of a stream, but for the job, and most setpoints.
+
+    Raises:
+        TypeError: for an option that does not exist, or a value of another kind.
+        SourceError: for a value that cannot be meant.
+    """
+    given = given_of(StreamOptions.__optional_keys__, options)
     request = setpoints_pb2.StreamSetpointsRequest(
-        encoding=value_of(setpoints_pb2.Encoding, options.get("encoding", "RAW_DOUBLE")),
-        frame=value_of(setpoints_pb2.Frame, options.get("frame")),
-        chunk_size=options.get("batch", 0),
-        interpolation_period_us=options.get("interpolation_period_us", 0),
-        generation_mode=value_of(machines_pb2.GenerationMode, options.get("generation_mode")),
-        servo_output=value_of(setpoints_pb2.ServoOutput, options.get("servo_output")),
-        columns=column_kinds(options.get("columns", ())),
-        overrides=overrides_of(options.get("overrides", ())),
+        encoding=value_of(setpoints_pb2.Encoding, given.get("encoding", "RAW_DOUBLE")),
+        frame=value_of(setpoints_pb2.Frame, given.get("frame")),
+        chunk_size=whole("batch", given.get("batch", 0), MOST_32_BITS),
+        interpolation_period_us=whole("interpolation_period_us", given.get("interpolation_period_us", 0), MOST_32_BITS),
+        generation_mode=value_of(machines_pb2.GenerationMode, given.get("generation_mode")),
+        servo_output=value_of(setpoints_pb2.ServoOutput, given.get("servo_output")),
+        columns=column_kinds(given.get("columns", ())),
+        overrides=overrides_of(given.get("overrides", ())),
     )
-    if "start" in options and "start_time_s" in options:
+    if "start" in given and "start_time_s" in given:
         raise SourceError("a stream starts either at a setpoint or at a time")
-    if "start_time_s" in options:
-        request.start_time_s = options["start_time_s"]
+    if "start_time_s" in given:
+        request.start_time_s = seconds("start_time_s", given["start_time_s"])
     else:
-        request.start_index = options.get("start", 0)
-    return request
+        request.start_index = whole("start", given.get("start", 0))
+    return request, whole("count", given["count"]) if "count" in given else None
 
 
 def column_kinds(names: Any) -> list[Any]:
     """Kinds of columns by their names."""
-    return [value_of(setpoints_pb2.ColumnKind, name) for name in names]
+    return [value_of(setpoints_pb2.ColumnKind, name) for name in listed("columns", names)]
 
 
 def joined(batches: list[Any]) -> Setpoints:

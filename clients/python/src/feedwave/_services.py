@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ._flow import Emit, Flow, Open, Read, Retries, Stream, call, cancelling, pages, retried
-from ._names import resource
+from ._names import resource, whole
 from ._options import Machine, Said, message_of
 from .errors import AlreadyExists, NotFound, ServiceError
 from .events import Decision
@@ -77,14 +77,14 @@ def _filters(of: str | None) -> dict[str, str]:
 
 def list_decisions(retries: Retries, of: str | None, after: int) -> Flow[None]:
     """Emits decisions in the order in which they were made."""
-    request = telemetry_pb2.ListDecisionsRequest(after=after, page_size=500, **_filters(of))
+    request = telemetry_pb2.ListDecisionsRequest(after=whole("after", after), page_size=500, **_filters(of))
     decisions = telemetry_pb2.ListDecisionsResponse
     return pages(retries, "Telemetry/ListDecisions", request, decisions, lambda page: map(Decision.of, page.decisions))
 
 
 def watch_decisions(retries: Retries, of: str | None, after: int | None) -> Flow[None]:
     """Emits decisions as they become durable, each once."""
-    request = telemetry_pb2.WatchDecisionsRequest(after=after, **_filters(of))
+    request = telemetry_pb2.WatchDecisionsRequest(after=None if after is None else whole("after", after), **_filters(of))
 
     def watch() -> Flow[None]:
         stream: Stream = yield Open("Telemetry/WatchDecisions", request, telemetry_pb2.WatchDecisionsResponse.FromString)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from google.protobuf.message import Message
 
 from ._flow import Flow, Open, Read, Retries, Stream, call, retried
-from ._names import value_name
+from ._names import value_name, whole
 from ._options import Said, message_of
 from .errors import Cancelled, ContractError, FailedPrecondition, ServiceError, SourceError
 from .events import Acknowledged, Decision, Ended, Event
@@ -45,10 +45,10 @@ class Link(abc.ABC):
         self._retries = retries
         self._reconnects = dataclasses.replace(retries, give_up_after_s=reconnect_for_s)
         self._job, self.name = job, run or ""
-        self._sensor_time_ns = sensor_time_ns
+        self._sensor_time_ns = None if sensor_time_ns is None else whole("sensor_time_ns", sensor_time_ns)
         self._has_begun = False
         # Number of the next decision, and the place of the last one in the log of all runs.
-        self.decided, self._log = decided, 0
+        self.decided, self._log = whole("decided", decided), 0
         self.state = "UNSPECIFIED"
         self.feed_held = False
         self.feed, self.spindle = 1.0, 1.0

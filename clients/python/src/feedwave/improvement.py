@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from ._flow import Flow, Open, Read, Retries, Stream, cancelling, retried
 from ._names import resource
-from ._options import Machine, Said, Settings, inline_files, message_of
+from ._options import Machine, Said, Settings, inline_files, message_of, settings_of
 from .errors import ContractError
 from .program import Program
 from .report import Report
@@ -81,7 +81,7 @@ def improve(
         inline_program=program.read(),
         tools=tools,
         programs=inline_files(files),
-        offsets=settings.offsets,
+        offsets=settings_of(settings).offsets,
         goals=message_of(improvement_pb2.ImprovementGoals, goals),
     )
     if isinstance(machine, str):

@@ -20,8 +20,8 @@ from typing import Any, BinaryIO, TypeAlias
 from typing_extensions import Unpack
 
 from . import _requests
-from ._names import value_of
-from ._options import Said, Settings, StreamOptions, files_of, message_of
+from ._names import listed, value_of
+from ._options import Said, Settings, StreamOptions, files_of, message_of, settings_of
 from .errors import Details, SourceError, Violation, of_code
 from .program import PIECE_BYTES, Program, ProgramSource
 from .report import Report
@@ -152,13 +152,14 @@ class _Job:
     ) -> None:
         self.program, self.files = Program.of(program), files_of(files)
         self.seen: dict[int, tuple[int, ...]] = {}
+        settings = settings_of(settings)
         said = jobs_pb2.JobSettings(
             interpolation_period_us=settings.interpolation_period_us,
             generation_mode=value_of(machines_pb2.GenerationMode, settings.generation_mode),
             vibration_envelope=value_of(machines_pb2.VibrationEnvelope, settings.vibration_envelope),
             oscillation=settings.oscillation,
             offsets=settings.offsets,
-            tools=[message_of(tools_pb2.Tool, tool) for tool in tools],
+            tools=[message_of(tools_pb2.Tool, tool) for tool in listed("tools", tools)],
             programs=[jobs_pb2.ProgramFile(name=file.name) for file in self.files],
         )
         said_profile = profile(machine) if isinstance(machine, str) else message_of(machines_pb2.MachineProfile, machine)
@@ -173,11 +174,11 @@ class _Job:
 
     def setpoints(self, report: Report, options: StreamOptions) -> Iterator[Any]:
         """The layout with the index of the first setpoint, then batches."""
-        request = stream_request(options)
+        request, count = stream_request(options)
         if not report.ok:
             message = f"{self.program.name or 'the program'} is refused, and has no setpoints: {report.errors[0]}"
             raise of_code("FAILED_PRECONDITION", message, _METHOD, Details(reason="PROGRAM_REFUSED", domain=_DOMAIN))
-        return self.generate(request, report.summary.setpoint_count, options.get("count"))
+        return self.generate(request, report.summary.setpoint_count, count)
 
     def generate(self, request: setpoints_pb2.StreamSetpointsRequest, setpoint_count: int, left: int | None) -> Iterator[Any]:
         with _Reader(self) as reader, _refusals():
@@ -242,18 +243,16 @@ class _Reader:
             raise SourceError(f"{self.programs[place].name}: the file changed after it was read first; plan it again")
 
 
-def stream_request(options: StreamOptions) -> setpoints_pb2.StreamSetpointsRequest:
-    """What is asked of a stream.
+def stream_request(options: StreamOptions) -> tuple[setpoints_pb2.StreamSetpointsRequest, int | None]:
+    """What is asked of a stream, and most setpoints.
 
     Raises:
-        SourceError: for an encoding that rounds: nothing is sent here.
+        SourceError: for an encoding that rounds: nothing is sent here. Others, and TypeError, as for a stream of a service.
     """
-    request = _requests.stream_request(options)
+    request, count = _requests.stream_request(options)
     if request.encoding == setpoints_pb2.ENCODING_FIXED_POINT_DELTA:
         raise SourceError("FIXED_POINT_DELTA rounds what is sent, and nothing is sent here: leave the encoding away")
-    if options.get("count") is not None and options["count"] < 0:
-        raise SourceError(f"count is {options['count']}")
-    return request
+    return request, count
 
 
 _METHOD, _DOMAIN = "feedwave.local", "feedwave"

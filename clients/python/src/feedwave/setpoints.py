@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ._names import value_name
+from ._names import listed, value_name
 from .errors import ContractError, SourceError
 from .v1 import feed_override_pb2, setpoints_pb2
 
@@ -51,8 +51,18 @@ class Override:
 
 def overrides_of(changes: Iterable[Override | tuple[float, float]]) -> list[feed_override_pb2.FeedOverrideChange]:
     """Changes of the feed override as messages; a pair is a time in s and a ratio."""
-    given = (change if isinstance(change, Override) else Override(change[1], time_s=change[0]) for change in changes)
-    return [change.message() for change in given]
+    found = []
+    for change in listed("overrides", changes):
+        try:
+            if not isinstance(change, Override):
+                time_s, ratio = change
+                change = Override(ratio, time_s=time_s)
+            found.append(change.message())
+        except SourceError:
+            raise
+        except (TypeError, ValueError) as error:
+            raise SourceError(f"overrides: {change!r} is neither an Override nor a pair of a time in s and a ratio") from error
+    return found
 
 
 @dataclass(frozen=True)

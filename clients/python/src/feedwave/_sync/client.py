@@ -172,15 +172,17 @@ class Client:
         Args:
             job: a job that is READY.
             options: which setpoints, columns, overrides: `feedwave.StreamOptions`.
+
+        Raises:
+            TypeError: for an option that does not exist.
+            SourceError: for a value that cannot be meant.
         """
-        return _requests.joined(list(self._each(_requests.stream_setpoints, name_of(job), **options)))
+        return _requests.joined(list(self._each(_requests.stream_setpoints, name_of(job), options)))
 
     def batches(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> Iterator[Setpoints]:
         """The same in batches, in bounded memory however long the program is: only what is asked for is read. A connection that breaks is
         taken up where it was."""
-        # Who stops asking ends the stream.
-        with closing(self._each(_requests.stream_setpoints, name_of(job), **options)) as items:
-            yield from (item for item in items if isinstance(item, Setpoints))
+        return _batches(self._each(_requests.stream_setpoints, name_of(job), options))
 
     def run(self, job: str | JobInfo, **options: Unpack[RunOptions]) -> Run:
         """Begins a live run of a job that is READY and has monitoring: a context manager, and an iterator over its events.
@@ -354,6 +356,12 @@ class Job(JobInfo):
     def delete(self) -> None:
         """Deletes it with its report."""
         self.client._do(_services.delete_job, self.name)
+
+
+def _batches(items: Generator[Any, None, None]) -> Iterator[Setpoints]:
+    # Who stops asking ends the stream.
+    with closing(items):
+        yield from (item for item in items if isinstance(item, Setpoints))
 
 
 def connect(

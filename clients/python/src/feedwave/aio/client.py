@@ -173,17 +173,17 @@ class Client:
         Args:
             job: a job that is READY.
             options: which setpoints, columns, overrides: `feedwave.StreamOptions`.
-        """
-        return _requests.joined([item async for item in self._each(_requests.stream_setpoints, name_of(job), **options)])
 
-    async def batches(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> AsyncIterator[Setpoints]:
+        Raises:
+            TypeError: for an option that does not exist.
+            SourceError: for a value that cannot be meant.
+        """
+        return _requests.joined([item async for item in self._each(_requests.stream_setpoints, name_of(job), options)])
+
+    def batches(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> AsyncIterator[Setpoints]:
         """The same in batches, in bounded memory however long the program is: only what is asked for is read. A connection that breaks is
         taken up where it was."""
-        # Who stops asking ends the stream.
-        async with aclosing(self._each(_requests.stream_setpoints, name_of(job), **options)) as items:
-            async for item in items:
-                if isinstance(item, Setpoints):
-                    yield item
+        return _batches(self._each(_requests.stream_setpoints, name_of(job), options))
 
     def run(self, job: str | JobInfo, **options: Unpack[RunOptions]) -> Run:
         """Begins a live run of a job that is READY and has monitoring: a context manager, and an iterator over its events.
@@ -357,6 +357,14 @@ class Job(JobInfo):
     async def delete(self) -> None:
         """Deletes it with its report."""
         await self.client._do(_services.delete_job, self.name)
+
+
+async def _batches(items: AsyncGenerator[Any, None]) -> AsyncIterator[Setpoints]:
+    # Who stops asking ends the stream.
+    async with aclosing(items):
+        async for item in items:
+            if isinstance(item, Setpoints):
+                yield item
 
 
 def connect(
