@@ -121,3 +121,20 @@ def test_a_token_is_what_a_header_can_carry():
             metadata("secret", wrong)
     with pytest.raises(TypeError, match="^token: a str is wanted, not bytes"):
         metadata(b"secret")
+
+
+def test_a_program_that_no_request_can_carry_is_refused_unread(nobody, tmp_path, monkeypatch):
+    path = tmp_path / "large.nc"
+    with open(path, "wb") as file:
+        # No blocks of the disk: there is nothing in it.
+        file.truncate(3 << 30)
+    monkeypatch.setattr(feedwave.Program, "read", lambda program: pytest.fail("it was read"))
+    uploaded = r"more than the 268435456 that a request can have: client\.submit\(…\)\.wait\(\)\.report\(\)"
+    for method, program, files, told in [
+        ("validate", path, (), f"large.nc: 3221225472 bytes, {uploaded}"),
+        ("validate", SHORT, {"O1.nc": path}, f"3221225476 bytes, {uploaded}"),
+        ("improve", path, (), "large.nc: 3221225472 bytes, and at most 67108864 are improved"),
+        ("improve", SHORT, {"O1.nc": path}, "3221225476 bytes, more than the 268435456 that a request can have: the command"),
+    ]:
+        with pytest.raises(feedwave.SourceError, match=told):
+            getattr(nobody, method)(program, machine="mill", files=files)

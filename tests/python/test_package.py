@@ -213,6 +213,17 @@ def test_large_programs_are_uploaded_and_read_back(client, tmp_path):
     assert caught.value.details.resource == job.name
 
 
+def test_what_is_too_large_for_a_request_is_told_to_be_submitted(client):
+    # More than is taken inline, and more than a message may have.
+    for lines, kind in [(100_000, feedwave.InvalidArgument), (400_000, feedwave.ResourceExhausted)]:
+        with pytest.raises(kind, match=r"client\.submit\(…\)\.wait\(\)\.report\(\) uploads it"):
+            client.validate("G1 X10 F100\n" * lines, machine="mill")
+    with pytest.raises(feedwave.InvalidArgument, match=r"client\.submit\(…\)\.wait\(\)\.report\(\) uploads it"):
+        client.validate(SLOT, machine="mill", files={"O1.nc": "G1 X10 F100\n" * 100_000})
+    report = client.submit("G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\n" + "G1 X10 F1200\n" * 100_000 + "M30\n", machine="mill").wait().report()
+    assert report.ok
+
+
 def test_jobs_are_listed_newest_first(client, slot):
     names = [job.name for job in client.jobs("READY", machine="mill")]
     assert slot.name in names and client.job(slot.name).display_name == "slot"

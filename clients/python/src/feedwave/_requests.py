@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeVar
 
+from ._connection import MAX_MESSAGE_BYTES
 from ._flow import Call, Emit, Flow, Open, Read, Retries, Stream, Work, call, cancelling, pages, retried
 from ._names import listed, resource, seconds, value_name, value_of, whole
 from ._options import (
@@ -19,7 +20,7 @@ from ._options import (
     message_of,
     settings_of,
 )
-from .errors import ContractError, NotFound, ServiceError, SourceError
+from .errors import ContractError, InvalidArgument, NotFound, ResourceExhausted, ServiceError, SourceError
 from .program import Program
 from .report import Report
 from .setpoints import Decoder, Setpoints, overrides_of
@@ -27,8 +28,12 @@ from .v1 import jobs_pb2, machines_pb2, programs_pb2, setpoints_pb2
 
 # Programs up to this size travel with the request, larger ones are uploaded. Well below what services permit.
 INLINE_BYTES = 512 * 1024
+# What takes programs that are too large to be validated with a request.
+_UPLOADED = "client.submit(…).wait().report() uploads it, up to the service's limit for uploads"
 # Programs up to this size are read back to show findings of a job under their lines.
 SHOWN_BYTES = 16 << 20
+
+T = TypeVar("T")
 
 _UNDER_WAY = (jobs_pb2.JOB_STATE_PENDING, jobs_pb2.JOB_STATE_VALIDATING)
 
@@ -42,6 +47,7 @@ def validate(
 ) -> Flow[Report]:
     """Validates a program without storing anything."""
     settings = settings_of(settings)
+    check_size([program, *files], _UPLOADED)
     request = jobs_pb2.ValidateProgramRequest(
         inline_program=program.read(),
         tools=tools,
@@ -57,8 +63,31 @@ def validate(
         request.machine = _machine(machine)
     else:
         request.profile.CopyFrom(message_of(machines_pb2.MachineProfile, machine))
-    response = yield from call(retries, "Jobs/ValidateProgram", request, jobs_pb2.ValidateProgramResponse)
+    response = yield from advised(call(retries, "Jobs/ValidateProgram", request, jobs_pb2.ValidateProgramResponse), _UPLOADED)
     return Report(response.report, program, files)
+
+
+def check_size(programs: list[Program], instead: str) -> None:
+    """Refuses programs that no service takes in one request, before they are read. Most services take less, and say so.
+
+    Raises:
+        SourceError: for these, with what to do instead.
+    """
+    size = sum(program.size for program in programs)
+    if size > MAX_MESSAGE_BYTES:
+        name = programs[0].name or "the program"
+        raise SourceError(f"{name}: {size} bytes, more than the {MAX_MESSAGE_BYTES} that a request can have: {instead}")
+
+
+def advised(flow: Flow[T], instead: str) -> Flow[T]:
+    """A call that carries programs: where the service says that they are too large, the error says what to do instead."""
+    try:
+        return (yield from flow)
+    except (InvalidArgument, ResourceExhausted) as error:
+        large = any(one.field in ("inline_program", "programs") and " bytes" in one.description for one in error.violations)
+        if large or error.reason == "MESSAGE_TOO_LARGE":
+            raise type(error)(f"{error.message}: {instead}", error.method, error.details) from None
+        raise
 
 
 def submit(

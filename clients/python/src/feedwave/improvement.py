@@ -8,10 +8,16 @@ from collections.abc import Iterator
 from ._flow import Flow, Open, Read, Retries, Stream, cancelling, retried
 from ._names import resource
 from ._options import Machine, Said, Settings, inline_files, message_of, settings_of
-from .errors import ContractError
+from ._requests import advised, check_size
+from .errors import ContractError, SourceError
 from .program import Program
 from .report import Report
 from .v1 import improvement_pb2, machines_pb2
+
+# Largest program that is improved, bytes, by whatever is asked.
+MAX_IMPROVED_BYTES = 64 << 20
+# What takes programs that are too large for a request to this service.
+_COMMAND = "the command `feedwave improve` needs no service"
 
 
 class Improvement:
@@ -77,6 +83,9 @@ def improve(
     goals: Said[improvement_pb2.ImprovementGoals],
 ) -> Flow[Improvement]:
     """Improves a program without storing anything."""
+    if program.size > MAX_IMPROVED_BYTES:
+        raise SourceError(f"{program.name or 'the program'}: {program.size} bytes, and at most {MAX_IMPROVED_BYTES} are improved")
+    check_size([program, *files], _COMMAND)
     request = improvement_pb2.ImproveRequest(
         inline_program=program.read(),
         tools=tools,
@@ -102,4 +111,4 @@ def improve(
             raise ContractError(f"an improvement of {len(improved)} bytes came in parts")
         return Improvement(message, program, Program(improved, program.name), files)
 
-    return (yield from retried(retries, attempt))
+    return (yield from advised(retried(retries, attempt), _COMMAND))

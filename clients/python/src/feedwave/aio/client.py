@@ -97,6 +97,9 @@ class Client:
     ) -> Report:
         """Validates a program without storing anything.
 
+        It travels with the request: a service takes up to 1 MiB, further files included, or what `limits.inline_program_bytes` says. A
+        larger one is uploaded by `submit(…)`, and `.wait().report()` is its report; that stores a job.
+
         Args:
             program: a path, or a text of more than one line.
             machine: a machine of the service, `lathe` or `machines/lathe`, or a profile (`load_profile`).
@@ -107,6 +110,10 @@ class Client:
 
         Returns:
             What was found. A program full of errors is a report, too: `report.ok` says whether it can be run.
+
+        Raises:
+            InvalidArgument, ResourceExhausted: for a program that is too large for this service, with what to do instead.
+            SourceError: for one that is too large for any, before it is read.
         """
         further = files_of(files)
         return await self._do(_requests.validate, Program.of(program), machine, tools_of(tools), further, settings, overrides)
@@ -125,7 +132,8 @@ class Client:
         stored.
 
         Args:
-            program, machine, tools, files: as in `validate`.
+            program: at most 64 MiB, and with further files what a request may have, 4 MiB or what `limits.message_bytes` says.
+            machine, tools, files: as in `validate`.
             settings: of these offsets matter.
             goals: what is wanted (`feedwave.v1.improvement_pb2.ImprovementGoals`, or a mapping with its fields), such as
                 `{"margin": 1.2, "max_feed_per_rev_mm": 0.25}`; defaults without it.
