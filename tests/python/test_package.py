@@ -5,6 +5,7 @@ import inspect
 import math
 import os
 import subprocess
+from types import SimpleNamespace
 
 import grpc
 import numpy as np
@@ -14,8 +15,9 @@ import feedwave
 import feedwave.aio
 import feedwave.plot
 from conftest import FIXTURES, Service
+from feedwave import _requests
 from feedwave.setpoints import Decoder
-from feedwave.v1 import decisions_pb2, feed_override_pb2, machines_pb2, report_pb2, setpoints_pb2
+from feedwave.v1 import decisions_pb2, feed_override_pb2, jobs_pb2, machines_pb2, report_pb2, setpoints_pb2
 
 TRAP, CURED, BAD = (FIXTURES / name for name in ("spec-trap.nc", "spec-trap-cured.nc", "bad.nc"))
 SLOT = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X20 F1200\nG0 X30\nM30\n"
@@ -222,6 +224,29 @@ def test_what_is_too_large_for_a_request_is_told_to_be_submitted(client):
         client.validate(SLOT, machine="mill", files={"O1.nc": "G1 X10 F100\n" * 100_000})
     report = client.submit("G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\n" + "G1 X10 F1200\n" * 100_000 + "M30\n", machine="mill").wait().report()
     assert report.ok
+
+
+def test_waiting_looks_before_it_waits(client, slot):
+    assert client.job(slot.name).wait(timeout_s=0).is_ready
+    with pytest.raises(feedwave.SourceError, match="timeout_s is -1"):
+        slot.wait(timeout_s=-1)
+
+
+def test_waiting_ends_with_its_time():
+    validating = jobs_pb2.GetJobResponse(job={"name": "jobs/x", "state": jobs_pb2.JOB_STATE_VALIDATING})
+    # Without time it looks once, and opens no stream.
+    flow = _requests.wait(feedwave.Retries(), "x", 0)
+    assert next(flow).method == "Jobs/GetJob"
+    with pytest.raises(feedwave.DeadlineExceeded, match="validation of jobs/x has not ended after 0 s"):
+        flow.send(validating)
+    # With time, the stream has what is left of it, and its end is told in the same words.
+    flow = _requests.wait(feedwave.Retries(), "x", 1e6)
+    next(flow)
+    opened = flow.send(validating)
+    assert opened.method == "Jobs/WatchJobs" and 0.0 < opened.timeout_s <= 1e6
+    flow.send(SimpleNamespace(cancel=lambda: None))
+    with pytest.raises(feedwave.DeadlineExceeded, match=r"validation of jobs/x has not ended after 1e\+06 s"):
+        flow.throw(feedwave.DeadlineExceeded("Stream removed (Deadline Exceeded)"))
 
 
 def test_jobs_are_listed_newest_first(client, slot):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 import uuid
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ from ._options import (
     message_of,
     settings_of,
 )
-from .errors import ContractError, InvalidArgument, NotFound, ResourceExhausted, ServiceError, SourceError
+from .errors import ContractError, DeadlineExceeded, InvalidArgument, NotFound, ResourceExhausted, ServiceError, SourceError
 from .program import Program
 from .report import Report
 from .setpoints import Decoder, Setpoints, overrides_of
@@ -180,10 +181,18 @@ def list_jobs(retries: Retries, states: list[str], machine: str | None) -> Flow[
 def wait(retries: Retries, job: str, timeout_s: float | None) -> Flow[jobs_pb2.Job]:
     """Waits until validation has ended; the job after it."""
     request = jobs_pb2.WatchJobsRequest(after=0, job=resource("jobs", job))
+    if timeout_s is not None:
+        retries = dataclasses.replace(retries, give_up_after_s=min(retries.give_up_after_s, seconds("timeout_s", timeout_s)))
     deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+    # Also without time to wait, a job that has come to its end has ended.
+    seen = yield from get_job(retries, job)
+    if seen.state not in _UNDER_WAY:
+        return seen
 
     def watch() -> Flow[bool]:
-        left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
+        left_s = None if deadline_s is None else deadline_s - time.monotonic()
+        if left_s is not None and left_s <= 0.0:
+            raise late()
         stream: Stream = yield Open("Jobs/WatchJobs", request, jobs_pb2.WatchJobsResponse.FromString, left_s)
         began = False
         with cancelling(stream):
@@ -192,11 +201,16 @@ def wait(retries: Retries, job: str, timeout_s: float | None) -> Flow[jobs_pb2.J
                     began, request.after = True, message.event.sequence
                     if message.event.state not in _UNDER_WAY:
                         return True
+            except DeadlineExceeded:
+                raise late() from None
             except ServiceError as error:
                 # What brought something counts as a success of its own: the attempts begin anew.
                 if not (began and error.is_passing):
                     raise
         return False
+
+    def late() -> DeadlineExceeded:
+        return DeadlineExceeded(f"validation of {request.job} has not ended after {timeout_s:g} s", "Jobs/WatchJobs")
 
     while not (yield from retried(retries, watch)):
         pass

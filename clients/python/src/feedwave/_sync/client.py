@@ -324,10 +324,10 @@ class Job(JobInfo):
         return self
 
     def wait(self, timeout_s: float | None = None) -> Self:
-        """Waits until validation has ended, in whatever state.
+        """Waits until validation has ended, in whatever state. With `timeout_s=0` it only looks.
 
         Raises:
-            DeadlineExceeded: after this time, s; it is a TimeoutError.
+            DeadlineExceeded: where it has not ended after this time, s; it is a TimeoutError.
         """
         self.proto = self.client._do(_requests.wait, self.name, timeout_s)
         return self
