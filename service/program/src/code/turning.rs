@@ -50,10 +50,12 @@ crate::finding_codes! {
 
     "PRG-TURNING-START" [TURNING_START: Error] {
         meaning: "a turning cycle that starts where it cannot",
-        cause: "The tool is at the level where the contour starts, so that the side of the stock is not known, or a cycle ends where it \
-              starts. In LinuxCNC: the cycle starts where its contour begins, or from where it starts a move would cut into the contour, \
-              leave it or never meet it.",
-        cure: "Move the tool to the corner of the stock, clear of it in X and Z, before the cycle.",
+        cause: "The contour of a roughing cycle goes beyond the start, in X or in Z: FANUC controls stop. A rapid move to or from a \
+              contour that is followed passes through the finished part. The tool is at the level where the contour starts, so that the \
+              side of the stock is not known, or a cycle ends where it starts. In LinuxCNC: the cycle starts where its contour begins, or \
+              from where it starts a move would cut into the contour, leave it or never meet it.",
+        cure: "Start the cycle where the finding says: the corner of the stock, at or beyond the largest X of the contour (in a bore the \
+              smallest) and the Z where it begins.",
         example: lathe("M3 S1000\nG0 X20 Z2\nG71 U2 R1\nG71 P10 Q20 U0.4 W0.1 F0.2\nN10 G0 X20\nN20 G1 Z-20"),
     }
 

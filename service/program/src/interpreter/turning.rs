@@ -4,6 +4,7 @@
 //! executed as anywhere else but move nothing, and then hands on its passes a few at a time, so that little is remembered
 //! however many there are (docs/turning-cycles.md).
 
+mod beyond;
 mod contour;
 mod follow;
 mod frame;

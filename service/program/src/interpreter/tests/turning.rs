@@ -7,6 +7,7 @@ mod one_line;
 mod refusals;
 mod resuming;
 mod single;
+mod starts;
 mod systems;
 
 use super::*;

@@ -66,6 +66,20 @@ impl Part {
         [along.clamp(from[0].min(to[0]), from[0].max(to[0])), level]
     }
 
+    /// How high it is at a place along it, between those of its ends.
+    pub(super) fn height(&self, along: f64) -> f64 {
+        let Curve { from, to, circle } = self.curve;
+        match circle {
+            None => from[1] + (along - from[0]) / (to[0] - from[0]) * (to[1] - from[1]),
+            Some(circle) => {
+                let radius = self.curve.radius();
+                let out = along - circle.center[0];
+                let half = (radius * radius - out * out).max(0.0).sqrt();
+                circle.center[1] + if from[1] + to[1] > 2.0 * circle.center[1] { half } else { -half }
+            }
+        }
+    }
+
     /// The stretch of it from one of its points to another behind it.
     pub(super) fn stretch(&self, from: Point, to: Point) -> Curve {
         match self.curve.circle {

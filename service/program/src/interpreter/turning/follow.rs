@@ -11,6 +11,7 @@ use super::super::corner::Corner;
 use super::super::flow::{CallKind, CallRequest, CallTarget, Jump, Mark, Pending, Progress};
 use super::super::saved::SavedModes;
 use super::super::{Interpreter, angle, corner};
+use super::beyond::Writing;
 use super::contour::{MAX_PIECES, Piece};
 use super::passes::{self, Contour, Refusal};
 use super::request::{Job, Request, Whereabouts};
@@ -46,6 +47,8 @@ pub(crate) struct ContourRun {
     corner: Option<Corner>,
     /// Whether its first block names Z and X.
     named: [bool; 2],
+    /// Some of its words count from where the tool is.
+    counts: bool,
     /// It has more blocks than are read.
     is_cut: bool,
     /// Something of it or of the cycle is wrong: no passes follow.
@@ -98,6 +101,7 @@ impl ContourRun {
             asked_corner: None,
             corner: None,
             named: [false; 2],
+            counts: false,
             is_cut: false,
             is_broken,
             is_compensated: false,
@@ -375,9 +379,14 @@ impl Interpreter {
                     self.state.flow.contour = Some(run);
                 }
             }
-            Err(Refusal { code, span, message, cure }) => {
+            Err(Refusal { code, span, message, cure, beyond }) => {
                 let cycle = run.span;
+                let writing =
+                    Writing { is_inch: self.state.inch, is_diameter: self.state.x_diameter, counts: run.counts };
                 findings.push_with(code, |code| {
+                    if let Some(beyond) = beyond {
+                        return beyond.finding(code, cycle, writing);
+                    }
                     let place = span.unwrap_or(cycle);
                     let finding =
                         Finding::new(code, place, message).with_value("cycle_line", f64::from(cycle.line), "");

@@ -1,7 +1,8 @@
 //! From a job and its contour to the moves of the passes. The same job and contour always give the same moves, so that they need
 //! not be remembered: who goes on in the middle of a cycle makes them again.
 
-use super::contour::{Part, Piece, parts, turns_back};
+use super::beyond::{self, Beyond};
+use super::contour::{Part, Piece, SAME_MM, TURNS_BACK_MM, parts, turns_back};
 use super::frame::{Frame, moved};
 use super::linuxcnc;
 use super::pockets::{self, Stock};
@@ -29,11 +30,17 @@ pub(super) struct Refusal {
     pub(super) span: Option<SourceSpan>,
     pub(super) message: String,
     pub(super) cure: &'static str,
+    /// In place of message and cure, where the start is what is wrong.
+    pub(super) beyond: Option<Box<Beyond>>,
 }
 
 impl Refusal {
     pub(super) fn new(code: FindingCode, message: &str, cure: &'static str) -> Self {
-        Self { code, span: None, message: message.to_owned(), cure }
+        Self { code, span: None, message: message.to_owned(), cure, beyond: None }
+    }
+
+    fn beyond(beyond: Beyond) -> Self {
+        Self { beyond: Some(Box::new(beyond)), ..Self::new(code::TURNING_START, "", "") }
     }
 
     pub(super) fn at(self, span: SourceSpan) -> Self {
@@ -151,7 +158,7 @@ pub(super) fn plan(request: &Request, contour: Contour<'_>) -> Result<Plan, Refu
         return Err(refusal.at(approach.span));
     }
     match request.job {
-        Job::Finish => Ok(finish_return(contour)),
+        Job::Finish => finish_return(contour, approach, pieces),
         Job::Rough { facing, depth_mm, escape_mm, allowance } => {
             rough(contour, approach, pieces, facing, [depth_mm, escape_mm], allowance)
         }
@@ -166,15 +173,31 @@ fn outward(contour: Contour<'_>, axis: usize) -> f64 {
     (contour.start[axis] - start_of_contour[axis]).signum()
 }
 
-/// Back to the start of the cycle, from the end of the contour.
-fn finish_return(contour: Contour<'_>) -> Plan {
+/// The frame of a contour that is followed; its passes go along X where only Z is named in its first block.
+fn followed(contour: Contour<'_>, approach: &Piece, pieces: &[Piece]) -> Frame {
     let facing = contour.named[0] && !contour.named[1];
-    let mut frame = Frame { swaps: facing, signs: [1.0; 2] };
-    frame.signs[1] = outward(contour, usize::from(!facing));
-    let end = contour.pieces.last().map_or(contour.start, |piece| piece.curve.to);
+    let [across, along] = if facing { [0, 1] } else { [1, 0] };
+    let end = pieces.last().unwrap_or(approach).curve.to;
+    let progress = end[along] - approach.curve.to[along];
+    let progress = if progress == 0.0 { -1.0 } else { progress.signum() };
+    Frame { swaps: facing, signs: [progress, outward(contour, across)] }
+}
+
+/// Back to the start of the cycle, from the end of the contour.
+fn finish_return(contour: Contour<'_>, approach: &Piece, pieces: &[Piece]) -> Result<Plan, Refusal> {
+    let frame = followed(contour, approach, pieces);
+    let curves: Vec<_> = pieces.iter().map(|piece| frame.curve(&piece.curve)).collect();
+    let end = pieces.last().unwrap_or(approach).curve.to;
     let mut path = Path::new(frame, frame.to(end));
     path.return_to(frame.to(contour.start));
-    Plan { steps: path.steps, ..Plan::default() }
+    let to_contour = Step { curve: Curve::line(contour.start, approach.curve.to), is_rapid: true, block: None };
+    let rapids = path.steps.iter().chain([&to_contour]);
+    let finished = parts(&curves);
+    check_side(contour, &frame, &finished)?;
+    match beyond::of_rapids(contour, &frame, &finished, rapids) {
+        Some(found) => Err(Refusal::beyond(found)),
+        None => Ok(Plan { steps: path.steps, ..Plan::default() }),
+    }
 }
 
 /// Names of the axes of a point.
@@ -196,7 +219,15 @@ fn rough(
     let frame = Frame { swaps: facing, signs: [progress, outward(contour, across)] };
     let curves: Vec<_> = pieces.iter().map(|piece| frame.curve(&piece.curve)).collect();
     let has_both = contour.named[along];
-    let has_pockets = has_pockets(&parts(&curves), pieces, [along, across], has_both)?;
+    let finished = parts(&curves);
+    let start_beyond = || {
+        beyond::of_roughing(contour, &frame, &finished, has_both).map_or(Ok(()), |found| Err(Refusal::beyond(found)))
+    };
+    if !has_both && beyond::begins_behind(&finished) {
+        start_beyond()?;
+    }
+    let has_pockets = has_pockets(&finished, pieces, [along, across], has_both)?;
+    start_beyond()?;
     let shift = frame.to(allowance);
     if has_pockets && shift[0] != 0.0 {
         let message = format!("an allowance along {} cuts into the far walls of the pockets", NAMES[along]);
@@ -225,6 +256,22 @@ fn rough(
     Ok(Plan { steps: path.steps, has_pockets, cuts_in })
 }
 
+fn unknown_side(name: &str) -> Refusal {
+    let message =
+        format!("the cycle starts at the {name} where the contour starts, so that the side of the stock is not known");
+    let cure = "move the tool to the corner of the stock, clear of it, before the cycle";
+    Refusal::new(code::TURNING_START, &message, cure)
+}
+
+/// Refuses a contour that is followed from the level of its first point and goes below that: in a bore, the way back would be
+/// another one.
+fn check_side(contour: Contour<'_>, frame: &Frame, parts: &[Part]) -> Result<(), Refusal> {
+    let level = frame.to(contour.start)[1];
+    let is_level = (level - frame.to(contour.pieces[0].curve.to)[1]).abs() < SAME_MM;
+    let goes_below = parts.iter().any(|part| part.curve.to[1] < level - TURNS_BACK_MM);
+    if is_level && goes_below { Err(unknown_side(NAMES[usize::from(!frame.swaps)])) } else { Ok(()) }
+}
+
 /// The last block of a contour whose start says on which side of it the stock is, across the passes.
 fn checked<'a>(
     contour: Contour<'_>,
@@ -243,11 +290,7 @@ fn checked<'a>(
         return Err(Refusal::new(code::TURNING_CONTOUR, message, "write its lines and arcs").at(approach.span));
     };
     if contour.start[across] == approach.curve.to[across] {
-        let message = format!(
-            "the cycle starts at the {name} where the contour starts, so that the side of the stock is not known"
-        );
-        let cure = "move the tool to the corner of the stock, clear of it, before the cycle";
-        return Err(Refusal::new(code::TURNING_START, &message, cure));
+        return Err(unknown_side(name));
     }
     Ok(last)
 }
@@ -257,7 +300,8 @@ fn has_pockets(parts: &[Part], pieces: &[Piece], axes: [usize; 2], may_have: boo
     let refuse = |block: usize, axis: usize| {
         let message = format!("the contour turns back along {} here", NAMES[axes[axis]]);
         let cure = if axis == 1 {
-            "where it is a pocket, name both axes in the first block of the contour, such as W0"
+            "where it is a pocket, name both axes in the first block of the contour, such as W0; where the stock is on the \
+             other side of the contour, start the cycle there, beyond all of it"
         } else {
             "let the contour keep one direction along the passes"
         };
@@ -288,10 +332,9 @@ fn pattern(
     if pieces.len().saturating_mul(passes as usize) > MAX_STEPS {
         return Err(Refusal::too_many());
     }
-    let facing = contour.named[0] && !contour.named[1];
-    let mut frame = Frame { swaps: facing, signs: [1.0; 2] };
-    let outward = outward(contour, usize::from(!facing));
-    frame.signs[1] = if outward == 0.0 { 1.0 } else { outward };
+    let frame = followed(contour, approach, pieces);
+    let unshifted: Vec<_> = pieces.iter().map(|piece| frame.curve(&piece.curve)).collect();
+    check_side(contour, &frame, &parts(&unshifted))?;
     let start = frame.to(contour.start);
     let mut path = Path::new(frame, start);
     for pass in 0..passes {
@@ -305,5 +348,13 @@ fn pattern(
         path.return_to(plus(start, by));
     }
     path.return_to(start);
-    Ok(Plan { steps: path.steps, ..Plan::default() })
+    let shift = frame.to(allowance);
+    let cuts_in = [shift, frame.to(relief)].into_iter().any(|shift| shift[1] < 0.0 || shift[0] > 0.0);
+    let finished: Vec<_> = unshifted.iter().map(|curve| moved(curve, shift)).collect();
+    let rapids = path.steps.iter().filter(|step| step.is_rapid);
+    // What is cut deeper than the contour is said by the warning of its allowance.
+    match beyond::of_rapids(contour, &frame, &parts(&finished), rapids) {
+        Some(found) if !cuts_in => Err(Refusal::beyond(found)),
+        _ => Ok(Plan { steps: path.steps, cuts_in, ..Plan::default() }),
+    }
 }

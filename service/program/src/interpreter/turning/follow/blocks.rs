@@ -4,7 +4,7 @@ use super::super::super::Interpreter;
 use super::super::contour::{MAX_PIECES, Piece};
 use super::{ContourRun, place};
 use crate::compensation::geometry::Curve;
-use crate::dialect::{Group, Meaning};
+use crate::dialect::{Group, Letter, Meaning};
 use crate::{Axis, CompensationCommand, Finding, FindingLog, MoveKind, Operation, OperationKind, Plane, code};
 
 impl Interpreter {
@@ -52,10 +52,12 @@ impl Interpreter {
             let letters = self.table.dialect.letters.iter().enumerate();
             letters.filter(|(_, letter)| letter.is_of(axis)).any(|(place, _)| self.block.letters & (1 << place) != 0)
         });
+        let counts = self.counts_in_contour();
         let here = place(&self.state.position);
         let block_span = (!self.block.is_empty()).then(|| self.block.span());
         let waits = self.state.corner.is_some() || self.state.angle_line.is_some();
         let Some(run) = &mut self.state.flow.contour else { return };
+        run.counts |= counts;
         // The contour of a subprogram begins with the first of its blocks that names an axis.
         let is_blocks = run.last.is_some();
         let is_first = if is_blocks { is_first } else { run.named == [false; 2] };
@@ -79,6 +81,20 @@ impl Interpreter {
             let span = block_span.unwrap_or(run.span);
             run.pieces.push(Piece { curve: Curve::line(here, here), span, is_rapid: true });
         }
+    }
+}
+
+impl Interpreter {
+    /// Whether a word of this block places X or Z by how far it is from where the tool is.
+    fn counts_in_contour(&self) -> bool {
+        let letters = self.table.dialect.letters.iter().enumerate();
+        let mut counting = letters.filter(|(_, letter)| match letter {
+            Letter::Increment(axis) => matches!(axis, Axis::X | Axis::Z),
+            Letter::Axis(axis) => matches!(axis, Axis::X | Axis::Z) && !self.state.absolute,
+            _ => false,
+        });
+        counting
+            .any(|(place, _)| self.block.letters & (1 << place) != 0 && self.block.slot(place).number.value() != 0.0)
     }
 }
 
@@ -108,10 +124,6 @@ impl ContourRun {
                     refuse(self, "moves another axis than X and Z");
                 } else if step.spline.is_some() || step.arc.is_some_and(|arc| arc.plane != Plane::Zx) {
                     refuse(self, "has a curve that is no arc in the plane of Z and X");
-                } else if self.is_finish() {
-                    // Its own blocks are carried out: only its first and its last move are needed.
-                    self.pieces.truncate(1);
-                    self.pieces.push(Piece { curve, span: operation.span, is_rapid: step.kind == MoveKind::Rapid });
                 } else if self.pieces.len() >= MAX_PIECES {
                     self.is_cut = true;
                 } else {
