@@ -5,9 +5,9 @@ crate::finding_codes! {
     pub THREAD_CODES: "Words of threads";
 
     "PRG-THREAD-LEAD" [THREAD_LEAD: Error] {
-        meaning: "a lead of a thread, or a number of threads per inch, that is out of range",
+        meaning: "a lead of a thread, or a number of threads per inch, that is out of range or no lead on this control",
         cause: "F, E or K gives a lead outside 0.0001 to 500 mm, or is not positive; E is threads per inch or a lead \
-              as the profile says.",
+              as the profile says. K is a lead in LinuxCNC only: FANUC and Haas controls have F, and change the lead by K with G34.",
         cure: "Write the travel per revolution as F, such as F1.5.",
         example: lathe("M3 S500\nG32 Z-20 F0"),
     }

@@ -87,6 +87,7 @@ impl Execution<'_> {
     fn thread(&mut self, axes: u32) {
         let path_lead = self.take(b'K');
         let lead_mm = match path_lead {
+            Some(_) if !self.is_linuxcnc_dialect() => None,
             Some(word) if self.block.letters & (letter_bit(b'F') | letter_bit(b'E')) != 0 => {
                 self.used |= letter_bit(b'F') | letter_bit(b'E');
                 self.word_conflict(&word, "the thread has two leads: keep one of F, E and K");
@@ -105,6 +106,9 @@ impl Execution<'_> {
         let travel = [Axis::X, Axis::Z].map(|axis| (end[axis.index()] - self.state.position[axis.index()]).abs());
         let [along_x, along_z] = travel;
         let further = along_x.max(along_z);
+        if let Some(word) = path_lead.filter(|_| !self.is_linuxcnc_dialect()) {
+            self.change_of_lead(&word, travel);
+        }
         if further == 0.0 && only_x_and_z {
             self.thread_travel("the thread ends where it starts");
         } else if let (Some(lead_mm), Some(start_angle_deg), Some(phase_shift_deg), Some(amplitude_mm)) =
@@ -126,6 +130,34 @@ impl Execution<'_> {
             self.cut_thread(end, cut);
         }
         self.state.position = end;
+    }
+
+    /// Refuses `K` of a thread of FANUC and Haas controls, where the lead is `F` along the axis of the larger travel and `K` its
+    /// change in every revolution (`G34`); in LinuxCNC it is the lead along the path.
+    #[cold]
+    fn change_of_lead(&mut self, word: &Word, [along_x, along_z]: [f64; 2]) {
+        let leads = letter_bit(b'F') | letter_bit(b'E');
+        let has_lead = self.block.letters & leads != 0;
+        self.used |= leads;
+        self.state.reported.lead = true;
+        let share = along_x.max(along_z) / libm::hypot(along_x, along_z);
+        let written = word.number.value();
+        let lead = (written * share * 1e6).round() / 1e6;
+        let span = self.block.word_span(word);
+        self.findings.push_with(code::THREAD_LEAD, |code| {
+            let message = "K is no lead on FANUC and Haas controls: F is, and K is what the lead changes by in every \
+                           revolution of G34";
+            let finding = Finding::new(code, span, message).with_value("written", written, "");
+            if has_lead {
+                return finding.suggest("leave K out: the lead is F, or E");
+            }
+            if lead > 0.0 {
+                let text = format!("F{lead:?}");
+                let cure = format!("where K is meant as the lead along the path, as in LinuxCNC, write {text}");
+                return finding.suggest_replacement(cure, text);
+            }
+            finding.suggest("write the lead as F with the travel per revolution, such as F1.5")
+        });
     }
 
     /// The lead of this block, mm: its `F` or `E`, or the modal one; `None` after a finding, now or before.

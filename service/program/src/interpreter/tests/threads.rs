@@ -121,16 +121,16 @@ fn threads_per_inch() {
 #[test]
 fn the_lead_of_k_is_along_the_path() {
     check(
-        &mill(),
+        &linuxcnc(),
         "M3 S100\nG33 Z-10. K1.5\nZ-20. K1.5",
         "spindle cw 100\nthread 0 -> Z-10 @1.5\nthread Z-10 -> Z-20 @1.5",
     );
     // 3-4-5: 4 mm of Z on 5 mm of path.
-    check(&mill(), "M3 S100\nG33 X3. Z-4. K1.", "spindle cw 100\nthread 0 -> X3 Z-4 @0.8");
-    check(&mill(), "G20 M3 S100\nG33 Z-1. K.1", "spindle cw 100\nthread 0 -> Z-25.4 @2.54");
+    check(&linuxcnc(), "M3 S100\nG33 X3. Z-4. K1.", "spindle cw 100\nthread 0 -> X3 Z-4 @0.8");
+    check(&linuxcnc(), "G20 M3 S100\nG33 Z-1. K.1", "spindle cw 100\nthread 0 -> Z-25.4 @2.54");
     // It is of its block alone.
     check(
-        &mill(),
+        &linuxcnc(),
         "M3 S100 F50\nG33 Z-10. K1.5\nZ-20.\nG1 Z0",
         "spindle cw 100
          thread 0 -> Z-10 @1.5
@@ -140,6 +140,24 @@ fn the_lead_of_k_is_along_the_path() {
 }
 
 /// Feed and lead are one modal word, but never taken for each other.
+#[test]
+fn k_is_no_lead_on_fanuc_controls() {
+    for settings in [mill(), lathe(), LanguageSettings { g_code_system: Some(crate::GCodeSystem::B), ..lathe() }] {
+        check(&settings, "M3 S100\nG33 Z-10. K1.5\nZ-20.", "spindle cw 100\n! 2:11+4 PRG-THREAD-LEAD");
+        check(&settings, "M3 S100\nG33 Z-10. F2. K.1", "spindle cw 100\n! 2:15+3 PRG-THREAD-LEAD");
+    }
+    // The lead of F is along the longer axis: 4 mm of Z on 5 mm of path.
+    for (program, cure) in [("G33 X3. Z-4. K1.", "F0.8"), ("G33 Z-4. K1.5", "F1.5"), ("G20 G33 Z-1. K.1", "F0.1")] {
+        let (_, findings) = interpret(format!("M3 S100\n{program}\nM30").as_bytes(), mill());
+        let replacement = findings.findings().last().and_then(|finding| finding.suggestions[0].replacement.clone());
+        assert_eq!(replacement.as_deref(), Some(cure), "{program}");
+        let at = program.find(" K").unwrap();
+        let cured = format!("M3 S100\n{} {cure}\nM30", &program[..at]);
+        let (_, findings) = interpret(cured.as_bytes(), mill());
+        assert!(!findings.has_errors(), "{cured}: {:?}", findings.findings());
+    }
+}
+
 #[test]
 fn a_lead_is_no_feed_and_a_feed_is_no_lead() {
     check(
@@ -175,7 +193,7 @@ fn a_lead_is_no_feed_and_a_feed_is_no_lead() {
 #[test]
 fn leads_that_are_none() {
     check(&lathe(), "M3 S100\nG32 Z5. F2. E8", "spindle cw 100\n! 2:13+2 PRG-WORD-CONFLICT");
-    check(&lathe(), "M3 S100\nG33 Z5. F2. K2.", "spindle cw 100\n! 2:13+3 PRG-WORD-CONFLICT");
+    check(&linuxcnc(), "M3 S100\nG33 Z5. F2. K2.", "spindle cw 100\n! 2:13+3 PRG-WORD-CONFLICT");
     for word in ["F0", "F-1.5", "E0", "E-8", "F500.1", "K-1.", "K0", "E.01"] {
         let length = word.len();
         check(
@@ -299,7 +317,7 @@ fn a_function_that_was_refused_is_not_switched_off() {
 fn threads_and_tool_centre_point_control_exclude_each_other() {
     check(
         &mill(),
-        "M3 S100\nG33 Z-5. K1.\nG43.4 H1\nZ-6. K1.\nG49\nG33 Z-7. K1.\nG0 X0 Y0 Z0\nG33 Z-8. K1.",
+        "M3 S100\nG33 Z-5. F1.\nG43.4 H1\nZ-6. F1.\nG49\nG33 Z-7. F1.\nG0 X0 Y0 Z0\nG33 Z-8. F1.",
         "spindle cw 100
          thread 0 -> Z-5 @1
          guided axes H0 rapid -> 0
