@@ -216,6 +216,11 @@ impl Block {
             }
             let Some(token) = tokens.next() else { break };
             match token.kind {
+                TokenKind::LoneLetter | TokenKind::Unexpected
+                    if !table.dialect.is_linuxcnc && Self::is_program_name(line, token) =>
+                {
+                    return self.report_program_name(line, token, findings);
+                }
                 // Words with characters that only look like others are read again as a whole, the rest without them.
                 TokenKind::Unexpected | TokenKind::NotUtf8 if !looked => {
                     looked = true;
@@ -247,6 +252,9 @@ impl Block {
                 TokenKind::Comment => {
                     self.comment = (token.start, token.end);
                     self.check_comment(line, token, table, findings);
+                    if self.is_nested_comment(line, token, findings) {
+                        return;
+                    }
                 }
                 TokenKind::Computed | TokenKind::ComputedCorner | TokenKind::Assignment => {
                     self.read_computed(line, token, table, system, findings);

@@ -18,6 +18,27 @@ impl Block {
         }
     }
 
+    /// Whether a comment holds another one, so that what is behind the inner one is outside both; it is then reported, and the rest
+    /// of the line is not read.
+    pub(super) fn is_nested_comment(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) -> bool {
+        let (start, end) = (token.start as usize, token.end as usize);
+        if line[start] != b'(' || !line[start + 1..end].contains(&b'(') {
+            return false;
+        }
+        let Some(outer) = line[end..].iter().position(|byte| matches!(byte, b'(' | b')')) else { return false };
+        if line[end + outer] != b')' {
+            return false;
+        }
+        self.extent = (self.extent.0.min(token.start), self.extent.1.max(token.end));
+        self.has_failed = true;
+        let outside = Token { end: (end + outer + 1) as u32, letter: 0, ..token };
+        self.defect(code::TEXT, outside, findings, |mut finding| {
+            "comments do not nest: this one ends at its first )".clone_into(&mut finding.message);
+            finding.suggest("remove the inner parentheses")
+        });
+        true
+    }
+
     /// `;` ends a block on these controls, so that words behind it on the line are another block, which would be run. What is no
     /// series of words they would refuse: it can only be meant as a comment.
     #[cold]

@@ -7,6 +7,10 @@ use crate::lexer::{Token, TokenKind};
 use crate::lookalike::Stretch;
 use crate::{Finding, FindingCode, FindingLog, GCodeSystem};
 
+/// Most bytes of a name of a program in `< >`, and of a call with the spaces behind it.
+const LONGEST_NAME: usize = 40;
+const LONGEST_CALL: usize = 8;
+
 /// The cure for something inside a word.
 const AGAIN: &str = "write this word again, and check its number: without it, another number would be left";
 
@@ -129,6 +133,35 @@ impl Block {
         });
     }
 
+    /// Whether a token begins the name of a program in `< >`, behind `O` or in a call.
+    pub(super) fn is_program_name(line: &[u8], token: Token) -> bool {
+        let is_letter = token.kind == TokenKind::LoneLetter;
+        let opens = if is_letter { token.end } else { token.start } as usize;
+        let name = line.get(opens..).unwrap_or_default();
+        let name = &name[..name.len().min(LONGEST_NAME)];
+        if name.first() != Some(&b'<') || !name.contains(&b'>') {
+            return false;
+        }
+        let before = line[opens.saturating_sub(LONGEST_CALL)..opens].trim_ascii_end();
+        if is_letter { matches!(token.letter, b'O' | b'P') } else { before.ends_with(b"98") }
+    }
+
+    /// A program or a call by name; the rest of the line is not read.
+    #[cold]
+    pub(super) fn report_program_name(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        self.extent = (self.extent.0.min(token.start), self.extent.1.max(token.end));
+        self.has_failed = true;
+        let (start, length) =
+            (token.start as usize, line[token.start as usize..].iter().position(|&byte| byte == b'>'));
+        let end = start + length.map_or(1, |length| length + 1);
+        let token = Token { end: end as u32, ..token };
+        self.defect(code::NUMBER_MISSING, token, findings, |mut finding| {
+            finding.message =
+                format!("{} is the name of a program, but programs have numbers here", quote(&line[start..end]));
+            finding.suggest("give the program a number, such as O1000, and call it by that, such as M98 P1000")
+        });
+    }
+
     #[cold]
     pub(super) fn report_polar(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
         let (text, what) = match line[token.start as usize] {
@@ -241,6 +274,10 @@ impl Block {
                 TokenKind::NotUtf8 => {
                     (format!("{length} bytes that are not UTF-8 text"), if within { AGAIN } else { "remove them" })
                 }
+                TokenKind::BlockDelete if line[..start].ends_with(b" ") => (
+                    "/ inside a block skips the rest of it on some controls only".to_owned(),
+                    "write what may be skipped in a block of its own that begins with /",
+                ),
                 _ => (format!("{text} has no meaning here"), if within { AGAIN } else { "remove it" }),
             };
             finding.message = message;

@@ -99,8 +99,8 @@ crate::finding_codes! {
 
     "PRG-PARAMETER-READ-ONLY" [PARAMETER_READ_ONLY: Error] {
         meaning: "an assignment to a value of the control that cannot be assigned",
-        cause: "Positions, modes and `#0` are read only; offsets are set with `G10`.",
-        cure: "Assign a variable of the program, or use the code that sets the value.",
+        cause: "Positions, modes and `#0` are read only. An offset cannot be assigned while what depends on it is in force.",
+        cure: "Assign a variable of the program, or use the code that sets the value; assign an offset before it is in force.",
         example: lathe("#5001=10"),
     }
 

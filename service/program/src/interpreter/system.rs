@@ -14,7 +14,7 @@ use crate::expression::{Name, Reading, Refusal, Target, Value, Variables};
 use crate::parameters::Kind;
 use crate::{Axis, DialectName, InterpreterState, LanguageSettings, Position, ToolOffset};
 
-use super::coordinates::{self, Register};
+use super::coordinates::{self, Register, ToolPart};
 use super::execute::MM_PER_INCH;
 
 /// What expressions read: the state before their line.
@@ -264,6 +264,9 @@ pub(crate) fn assign_offset(
     coordinates::assign(state, settings, tools, register, Some(value)).map_err(|why| Refusal {
         code: code::PARAMETER_READ_ONLY,
         message: format!("#{number} cannot be assigned here: {why}"),
-        cure: "assign it before, or set it with G10 where the control permits it",
+        cure: match register {
+            Register::Tool(_, ToolPart::Tip) if state.compensation.on.is_none() => "assign a whole number from 0 to 9",
+            _ => "assign it in a block before that is so, or behind its end",
+        },
     })
 }

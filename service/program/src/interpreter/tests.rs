@@ -18,6 +18,7 @@ mod length;
 mod lines_of_linuxcnc;
 mod machine_codes;
 mod misread;
+mod one_cause;
 mod order;
 mod parameters;
 mod path_control;

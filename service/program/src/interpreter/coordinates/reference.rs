@@ -73,6 +73,20 @@ impl Execution<'_> {
         if !self.is_linuxcnc_dialect() && !self.is_haas() {
             let has_increments = self.table.dialect.letters.iter().any(|letter| matches!(letter, Letter::Increment(_)));
             let such_as = if has_increments { "U0 W0" } else { "G91 G28 Z0, with G90 behind it" };
+            let of_system_a = letter_bit(b'U') | letter_bit(b'W');
+            let is_in_words_of_a = self.settings.dialect == DialectName::Lathe
+                && !has_increments
+                && self.block.letters & !self.used & of_system_a != 0;
+            if is_in_words_of_a {
+                self.used |= of_system_a;
+                return self.findings.push_with(code::REFERENCE_AXIS, |code| {
+                    let message =
+                        "the return to the reference position names no axis: U and W are those of G-code system A";
+                    Finding::new(code, span, message).suggest(
+                        "write G91 in the block and X and Z for U and W, such as G91 G28 X0 Z0, and G90 behind it",
+                    )
+                });
+            }
             return self.findings.push_with(code::REFERENCE_AXIS, |code| {
                 Finding::new(code, span, "the return to the reference position names no axis")
                     .suggest(format!("name the axes with their intermediate point, such as {such_as}"))

@@ -86,7 +86,8 @@ impl Execution<'_> {
         let Hole { up, r, bottom, pecks, .. } = *hole;
         let to_r = hole.cycle == Cycle::Peck
             && !(self.has_lathe_cycles() && self.settings.drilling.lathe_peck == Some(PeckReturn::Back));
-        let back = self.retract(to_r);
+        // One peck is no retract.
+        let back = if up * (r - up * pecks.first() - bottom) > 0.0 { self.retract(to_r) } else { 0.0 };
         let linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
         let lift = if linuxcnc { 0.0 } else { self.settings.drilling.peck_lift_mm };
         let mut peck = pecks.first();
