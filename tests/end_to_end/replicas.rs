@@ -350,24 +350,47 @@ async fn connect_from(server: &Server, last: u8) -> Clients {
     Clients::of(endpoint.connect().await.expect("the service listens"))
 }
 
+/// Setpoints after which shares are held against each other: of so many turns that one that is cut short says nothing.
+const ENOUGH: u64 = 20_000_000;
+const ONE_WORKER: &str = "[limits]\nvalidation_workers = 1\nbegun_validations = 32\nvalidation_turn_ms = 5\n";
+
+/// Makes so many endless jobs of a client, at one replica after the other.
+async fn jobs_of(client: u8, count: usize, servers: &[&Server]) -> Vec<String> {
+    let mut jobs = Vec::new();
+    for server in servers.iter().cycle().take(count) {
+        jobs.push(create_endless(&mut connect_from(server, client).await).await.name);
+    }
+    jobs
+}
+
 #[tokio::test]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn clients_have_equal_shares_of_all_replicas_however_many_jobs_they_have() {
-    /// Setpoints after which shares are held against each other: of so many turns that one that is cut short says nothing.
-    const ENOUGH: u64 = 20_000_000;
     let store = shared_store();
-    let one_worker = "[limits]\nvalidation_workers = 1\nbegun_validations = 32\nvalidation_turn_ms = 5\n";
-    let first = Home::on(FEEDWAVE, &store, one_worker).start().await;
-    let second = Home::on(FEEDWAVE, &store, one_worker).start().await;
-    let mut jobs: [Vec<String>; 2] = Default::default();
+    let first = Home::on(FEEDWAVE, &store, ONE_WORKER).start().await;
+    let second = Home::on(FEEDWAVE, &store, ONE_WORKER).start().await;
     // Nine jobs of one client, then three of another.
-    for (client, count) in [(0, 9), (1, 3)] {
-        for number in 0..count {
-            let server = if number % 2 == 0 { &first } else { &second };
-            let mut clients = connect_from(server, 11 + client).await;
-            jobs[usize::from(client)].push(create_endless(&mut clients).await.name);
-        }
+    let many = jobs_of(11, 9, &[&first, &second]).await;
+    let few = jobs_of(12, 3, &[&first, &second]).await;
+    have_equal_shares([&first, &second], [many, few]).await;
+}
+
+#[tokio::test]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn a_client_whose_jobs_are_all_at_one_replica_has_an_equal_share_of_all() {
+    let store = shared_store();
+    let first = Home::on(FEEDWAVE, &store, ONE_WORKER).start().await;
+    let (mut many, few) = (jobs_of(11, 3, &[&first]).await, jobs_of(12, 3, &[&first]).await);
+    for name in many.iter().chain(&few) {
+        begins(&mut first.connect().await, name, 1).await;
     }
+    let second = Home::on(FEEDWAVE, &store, ONE_WORKER).start().await;
+    many.append(&mut jobs_of(11, 6, &[&second]).await);
+    have_equal_shares([&first, &second], [many, few]).await;
+}
+
+/// Proves that two clients have equal shares of two replicas together, and ends their jobs.
+async fn have_equal_shares([first, second]: [&Server; 2], jobs: [Vec<String>; 2]) {
     for name in jobs.iter().flatten() {
         begins(&mut first.connect().await, name, 1).await;
     }
@@ -376,7 +399,7 @@ async fn clients_have_equal_shares_of_all_replicas_however_many_jobs_they_have()
         let mut setpoints = 0;
         for name in jobs {
             let mut most = 0;
-            for server in [&first, &second] {
+            for server in [first, second] {
                 let request = GetJobRequest { name: name.clone() };
                 let job = server.connect().await.jobs.get_job(request).await.expect("a job").into_inner().job;
                 most = most.max(job.and_then(|job| job.validation).map_or(0, |progress| progress.setpoint_count));

@@ -100,6 +100,7 @@ impl Engine {
             limits.validation_workers,
             limits.begun_validations,
             limits.validation_turn(),
+            store.lease().is_some(),
             metrics.clone(),
             draining.clone(),
         );
@@ -130,6 +131,7 @@ impl Engine {
             self.inner.tasks.spawn(async move { worker::run(engine, given).await });
             let events = EventReader::new(self.inner.store.clone(), self.inner.draining.clone());
             self.inner.tasks.spawn(replicas::follow(self.clone(), events));
+            self.inner.tasks.spawn(replicas::share(self.clone()));
         }
     }
 

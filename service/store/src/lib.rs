@@ -55,7 +55,7 @@ pub use maintenance::{
 };
 pub use objects::{InvalidObjectsUri, ObjectSettings, ObjectsUri};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
-pub use presences::{Presence, Presences, ToldPresence};
+pub use presences::{Presence, Presences, ToldPresence, ToldUse};
 pub use programs::{
     CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadBound,
     UploadId, UploadInfo, UploadStart,

@@ -1,5 +1,5 @@
-//! What replicas tell each other of runs whose streams are connected to them. None of it is asked for a decision, and all
-//! of it can be lost: the log has what happened.
+//! What replicas tell each other: of runs whose streams are connected to them, and of the time that clients used of their workers.
+//! None of it is asked for a decision, and all of it can be lost: the log has what happened, and shares even out from then on.
 
 use std::time::Duration;
 
@@ -47,6 +47,17 @@ pub struct ToldPresence {
     pub body: Option<Bytes>,
 }
 
+/// What another replica has told of the time that a client used of its validation workers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ToldUse {
+    /// The replica: a name of that process alone.
+    pub replica: String,
+    /// The client, as its shares are counted.
+    pub client: String,
+    /// In all, since it used any after a pause.
+    pub used: Duration,
+}
+
 /// Keeps what replicas tell each other. Where one process has the database, nobody is told anything.
 #[async_trait]
 pub trait Presences {
@@ -66,6 +77,19 @@ pub trait Presences {
     /// # Errors
     /// `Corrupt`, `Unavailable`.
     async fn presences(&self, window: Duration) -> Result<Vec<ToldPresence>>;
+
+    /// Tells how much more clients have used of this replica's validation workers. What any replica has not told more of for long is
+    /// removed.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn tell_use(&self, used: Vec<(String, Duration)>) -> Result<()>;
+
+    /// What clients have used at other replicas.
+    ///
+    /// # Errors
+    /// `Corrupt`, `Unavailable`.
+    async fn told_use(&self) -> Result<Vec<ToldUse>>;
 
     /// Differs from an earlier one where machines were added, changed or removed meanwhile.
     ///

@@ -1,6 +1,6 @@
 //! Which validation gets the next turn. Nothing here has a clock or a thread: what is put in and charged decides.
 //!
-//! - Each client has the same share: the one that has used the least time is next.
+//! - Each client has the same share: the one that has used the least time is next, what it used at other replicas included.
 //! - Within a client, validations not yet begun and those begun have the same share, so that a short program is not held up by
 //!   long ones, nor these by many short ones.
 //! - Of those not begun a small program comes before a large one, but each is passed by only so many later ones
@@ -17,6 +17,10 @@ use uuid::Uuid;
 const PASSED_PER_BYTES: u64 = 16 << 10;
 /// Most later validations that one lets pass because it is large.
 const MOST_PASSED: u64 = 4_096;
+
+/// Most by which a client that used other replicas is behind those that have only this one: what nobody else wanted there is no debt
+/// for ever.
+const MOST_AHEAD: Duration = Duration::from_secs(10);
 
 /// Place of a validation among those of its client that are not begun.
 type Key = (u64, u64);
@@ -231,6 +235,19 @@ impl<T> Schedule<T> {
                 Class::Begun => client.begun_used += charged,
             }
         }
+    }
+
+    /// Charges what a client used at other replicas, where it has validations here: others come first until they had as much.
+    pub(super) fn charge_elsewhere(&mut self, name: &str, used: Duration) {
+        let most = self.virtual_time + MOST_AHEAD;
+        if let Some(client) = self.clients.get_mut(name) {
+            client.used = (client.used + used).min(most.max(client.used));
+        }
+    }
+
+    /// Whether any client has validations.
+    pub(super) fn is_idle(&self) -> bool {
+        self.clients.is_empty()
     }
 
     /// Notes that a turn has ended; call before what had it is put in again.

@@ -38,6 +38,8 @@ enum Waiter {
 struct State {
     schedule: Schedule<Waiter>,
     free: usize,
+    /// What clients used since other replicas were told.
+    untold: HashMap<String, Duration>,
 }
 
 /// The turns of one service. Cloning is cheap.
@@ -51,6 +53,8 @@ struct Inner {
     state: Mutex<State>,
     /// How long a turn is while others wait.
     length: Duration,
+    /// Whether other replicas are told of it.
+    is_shared: bool,
     jobs: mpsc::UnboundedSender<(WaitingJob, Turn)>,
     metrics: Arc<Metrics>,
     draining: CancellationToken,
@@ -109,12 +113,14 @@ impl Turns {
         workers: usize,
         most_begun: usize,
         length: Duration,
+        is_shared: bool,
         metrics: Arc<Metrics>,
         draining: CancellationToken,
     ) -> (Self, mpsc::UnboundedReceiver<(WaitingJob, Turn)>) {
         let (jobs, receiver) = mpsc::unbounded_channel();
-        let state = Mutex::new(State { schedule: Schedule::new(most_begun, length), free: workers });
-        let inner = Inner { state, length, jobs, metrics, draining, progress: Mutex::default() };
+        let state =
+            Mutex::new(State { schedule: Schedule::new(most_begun, length), free: workers, untold: HashMap::new() });
+        let inner = Inner { state, length, is_shared, jobs, metrics, draining, progress: Mutex::default() };
         (Self { inner: Arc::new(inner) }, receiver)
     }
 
@@ -157,6 +163,24 @@ impl Turns {
         tokio::select! {
             turn = receiver => turn.ok(),
             () = self.inner.draining.cancelled() => None,
+        }
+    }
+
+    /// Whether no validation waits or is under way.
+    pub(super) fn is_idle(&self) -> bool {
+        self.state().schedule.is_idle()
+    }
+
+    /// What clients used since this was asked last.
+    pub(super) fn take_untold(&self) -> Vec<(String, Duration)> {
+        std::mem::take(&mut self.state().untold).into_iter().collect()
+    }
+
+    /// Charges what clients used at other replicas.
+    pub(super) fn charge_elsewhere<'a>(&self, used: impl IntoIterator<Item = (&'a str, Duration)>) {
+        let mut state = self.state();
+        for (client, used) in used {
+            state.schedule.charge_elsewhere(client, used);
         }
     }
 
@@ -300,7 +324,11 @@ impl Turn {
     /// Charges the time and frees the worker.
     fn give_back(&mut self, state: &mut State) {
         if let Some(since) = self.since.take() {
-            state.schedule.charge(&self.client, self.class, since.elapsed());
+            let used = since.elapsed();
+            state.schedule.charge(&self.client, self.class, used);
+            if self.turns.inner.is_shared {
+                *state.untold.entry(self.client.clone()).or_default() += used;
+            }
             state.schedule.turn_ended(&self.client);
             state.free += 1;
         }

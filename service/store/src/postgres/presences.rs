@@ -11,7 +11,7 @@ use uuid::Uuid;
 use super::PostgresStore;
 use super::bell::PRESENCES;
 use crate::error::{Result, check_size};
-use crate::presences::{Presence, Presences, ToldPresence};
+use crate::presences::{Presence, Presences, ToldPresence, ToldUse};
 use crate::sql::documents::{MACHINES_MARK, machines_mark};
 use crate::sql::record::{Record as _, parsed, tenant};
 
@@ -19,6 +19,8 @@ use crate::sql::record::{Record as _, parsed, tenant};
 const NOW_US: &str = "(EXTRACT(EPOCH FROM CLOCK_TIMESTAMP()) * 1000000)::BIGINT";
 /// What was not told again for so long is removed, µs.
 const KEPT_US: i64 = 60_000_000;
+/// The same of the time that a client used, µs.
+const USE_KEPT_US: i64 = 10_000_000;
 /// Rows of one statement.
 const ROWS: usize = 500;
 
@@ -65,6 +67,28 @@ async fn tell(
     if rings {
         sqlx::query("SELECT pg_notify($1, $2)").bind(PRESENCES).bind(replica).execute(connection).await?;
     }
+    Ok(())
+}
+
+/// Adds what clients used of a replica's workers.
+async fn tell_use(connection: &mut PgConnection, replica: &str, used: &[(String, Duration)]) -> Result<()> {
+    for used in used.chunks(ROWS) {
+        let mut sql = QueryBuilder::<Postgres>::new("INSERT INTO validation_use (replica, client, used_us, told_us) ");
+        sql.push_values(used, |mut row, (client, used)| {
+            row.push_bind(replica.to_owned())
+                .push_bind(client.clone())
+                .push_bind(i64::try_from(used.as_micros()).unwrap_or(i64::MAX))
+                .push(NOW_US);
+        });
+        sql.push(
+            " ON CONFLICT (replica, client) DO UPDATE SET used_us = validation_use.used_us + EXCLUDED.used_us,
+                told_us = EXCLUDED.told_us",
+        );
+        sql.build().execute(&mut *connection).await?;
+    }
+    let mut sql = QueryBuilder::<Postgres>::new("DELETE FROM validation_use WHERE told_us < ");
+    sql.push(NOW_US).push(" - ").push_bind(USE_KEPT_US);
+    sql.build().execute(connection).await?;
     Ok(())
 }
 
@@ -130,6 +154,30 @@ impl Presences for PostgresStore {
                 told_us: row.integer("told_us")?,
                 age: Duration::from_micros(u64::try_from(row.integer("age_us")?).unwrap_or(0)),
                 body: row.bytes_option("body")?.map(|body| body.to_vec().into()),
+            })
+        });
+        told.collect()
+    }
+
+    async fn tell_use(&self, used: Vec<(String, Duration)>) -> Result<()> {
+        let (replica, used) = (self.inner.shared.replica.clone(), Arc::new(used));
+        self.write(0, move |connection| {
+            let (replica, used) = (replica.clone(), used.clone());
+            Box::pin(async move { tell_use(connection, &replica, &used).await })
+        })
+        .await
+    }
+
+    async fn told_use(&self) -> Result<Vec<ToldUse>> {
+        let rows = sqlx::query("SELECT replica, client, used_us FROM validation_use WHERE replica <> $1")
+            .bind(&self.inner.shared.replica)
+            .fetch_all(&mut self.reader().await?)
+            .await?;
+        let told = rows.iter().map(|row| {
+            Ok(ToldUse {
+                replica: row.text("replica")?.to_owned(),
+                client: row.text("client")?.to_owned(),
+                used: Duration::from_micros(u64::try_from(row.integer("used_us")?).unwrap_or(0)),
             })
         });
         told.collect()

@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use super::SqliteStore;
 use crate::error::Result;
-use crate::presences::{Presence, Presences, ToldPresence};
+use crate::presences::{Presence, Presences, ToldPresence, ToldUse};
 use crate::sql::documents::{MACHINES_MARK, machines_mark};
 
 #[async_trait]
@@ -22,6 +22,14 @@ impl Presences for SqliteStore {
     }
 
     async fn presences(&self, _window: Duration) -> Result<Vec<ToldPresence>> {
+        Ok(Vec::new())
+    }
+
+    async fn tell_use(&self, _used: Vec<(String, Duration)>) -> Result<()> {
+        Ok(())
+    }
+
+    async fn told_use(&self) -> Result<Vec<ToldUse>> {
         Ok(Vec::new())
     }
 

@@ -201,3 +201,30 @@ fn one_turn_that_takes_long_holds_up_short_programs_for_two_turns_at_most() {
     }
     assert!(turns <= 2, "{turns}");
 }
+
+#[test]
+fn what_a_client_used_elsewhere_counts_and_is_no_debt_for_ever() {
+    let mut workshop = Workshop::new(8);
+    let turns = |served: &[u32], name| served.iter().filter(|served| **served == name).count();
+    workshop.add("everywhere", 0, 1, 1_000);
+    workshop.add("here", 0, 2, 1_000);
+    for _ in 0..20 {
+        assert!(workshop.serve());
+    }
+    assert_eq!((turns(&workshop.served, 1), turns(&workshop.served, 2)), (10, 10));
+    // As much as both have here, the first one has at another replica.
+    for _ in 0..20 {
+        workshop.schedule.charge_elsewhere("everywhere", TURN);
+        assert!(workshop.serve());
+    }
+    assert!(turns(&workshop.served, 1) <= 11, "{:?}", workshop.served);
+    // An hour that nobody else wanted holds it up for some seconds.
+    workshop.schedule.charge_elsewhere("everywhere", Duration::from_secs(3_600));
+    workshop.served.clear();
+    while turns(&workshop.served, 1) == 0 {
+        assert!(workshop.serve());
+    }
+    assert!(workshop.served.len() <= 55, "{}", workshop.served.len());
+    // Who has nothing here is not remembered for it.
+    workshop.schedule.charge_elsewhere("nobody", TURN);
+}
