@@ -220,10 +220,25 @@ async fn nothing_of_a_tenant_is_shown_to_another() {
     assert_eq!(a.received().await, (PROGRAM.len() as u64, true));
 
     figures_and_operators(&server, &mut a, &job, [&token_b, &admin_b, &operator]).await;
+    let admin = of("admin", &["--role", "admin"]).await;
     let server = server.kill().await.start().await;
     let mut a = Member::new(&server, &token_a).await;
     assert_eq!(a.listed().await[0], 1);
     assert_eq!(Member::new(&server, &token_none).await.listed().await[0], 0);
+
+    // A file that names no tenant any more does not make records of tenants everybody's.
+    let home = server.kill().await;
+    let text = std::fs::read_to_string(&file).unwrap();
+    let kept: Vec<_> = text.split("\n[[client]]").filter(|client| !client.contains("tenant = ")).collect();
+    std::fs::write(&file, kept.join("\n[[client]]")).unwrap();
+    let server = home.start().await;
+    let value = format!("Bearer {admin}");
+    let headers = [("authorization", value.as_str())];
+    let log = server.web().send("GET", "/v1/audit?pageSize=1000", &headers, Bytes::new()).await;
+    assert!(log.status.is_success() && !log.text().contains("planner of a"), "{}", log.text());
+    assert!(log.text().contains("\"planner\""), "{}", log.text());
+    let state = server.web().send("GET", "/v1/state", &headers, Bytes::new()).await.json();
+    assert_eq!(state["caller"]["hasTenants"], true, "{state}");
 }
 
 /// Figures, the audit log, and clients that act for any tenant.

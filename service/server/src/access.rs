@@ -10,11 +10,12 @@ mod table;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 pub use caller::Caller;
 use feedwave_contract::names::TENANT_HEADER;
-use feedwave_store::Tenant;
+use feedwave_store::{Store, Tenant};
 use http::uri::Authority;
 use http::{HeaderMap, header};
 use jiff::Timestamp;
@@ -192,6 +193,8 @@ struct Inner {
     /// Whose tokens are known as well. Without it and the file everybody is the operator.
     provider: Option<Provider>,
     known: RwLock<Arc<KnownClients>>,
+    /// Whether there are records of tenants, or were clients of any. These stay separate whatever the file says later.
+    has_tenants: AtomicBool,
     /// What was read last, whether it could be used or not.
     seen: Mutex<String>,
     operator: Arc<Identity>,
@@ -226,7 +229,8 @@ impl Access {
         let provider = provider.map_err(|reason| ("auth.jwt.jwks".to_owned(), reason))?;
         let operator = Arc::new(Identity::operator());
         let (known, seen, hosts) = (RwLock::new(Arc::new(known)), Mutex::new(text), config.hosts.clone());
-        let inner = Inner { file, provider, known, seen, operator, hosts };
+        let has_tenants = AtomicBool::default();
+        let inner = Inner { file, provider, known, has_tenants, seen, operator, hosts };
         Ok(Self { inner: Arc::new(inner) })
     }
 
@@ -249,13 +253,26 @@ impl Access {
             }
             seen.clone_from(&text);
         }
-        let mut known = KnownClients::parse(&text, path)?;
+        let known = KnownClients::parse(&text, path)?;
         let mut held = self.inner.known.write().unwrap_or_else(PoisonError::into_inner);
-        // Records of tenants do not go with the last client of one.
-        known.has_tenants |= held.has_tenants;
+        if held.has_tenants {
+            // Records of tenants do not go with the last client of one.
+            self.inner.has_tenants.store(true, Ordering::Release);
+        }
         *held = Arc::new(known);
         drop(held);
         Ok(true)
+    }
+
+    /// Learns from the store whether there are records of tenants, which an earlier file of clients may have had.
+    ///
+    /// # Errors
+    /// Where the store does not answer.
+    pub(crate) async fn look_for_tenants(&self, store: &Store) -> feedwave_store::Result<()> {
+        if !self.inner.has_tenants.load(Ordering::Acquire) && store.has_tenants().await? {
+            self.inner.has_tenants.store(true, Ordering::Release);
+        }
+        Ok(())
     }
 
     /// Refuses a host by whose name a page of another site may reach the service through a browser that can reach it (DNS rebinding),
@@ -357,7 +374,9 @@ impl Access {
         }
         let known = self.inner.known.read().unwrap_or_else(PoisonError::into_inner).clone();
         let now = Timestamp::now();
-        let has_tenants = known.has_tenants || self.inner.provider.as_ref().is_some_and(Provider::has_tenants);
+        let has_tenants = known.has_tenants
+            || self.inner.has_tenants.load(Ordering::Acquire)
+            || self.inner.provider.as_ref().is_some_and(Provider::has_tenants);
         let identity = match (shown, connection.and_then(|connection| connection.certificate())) {
             (Some(shown), _) => {
                 let token = shown

@@ -113,6 +113,8 @@ impl Server {
         engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, api.floors.clone(), draining.clone()));
         let certificates = Certificates::load(&config, metrics.clone())?;
         let mqtt = Publisher::new(&config.mqtt, &api)
+        let tenants = certificates.access.look_for_tenants(&store).await;
+        tenants.map_err(|error| StartError::Setup(error.to_string()))?;
             .map_err(|error| StartError::Tls { key: error.key, reason: error.reason })?;
         let audit = AuditLog::new(store.clone(), engine.clone());
         engine.spawn(audit.clone().follow(draining.clone()));
@@ -123,7 +125,7 @@ impl Server {
         let ports = listeners.serve(apps, &config, &certificates, &metrics, &onlookers, draining);
         let (access, stop) = (certificates.access.clone(), onlookers.stop().clone());
         tokio::spawn(async move { stop.run_until_cancelled(access.follow_keys()).await });
-        tokio::spawn(certificates.clone().watch(onlookers.stop().clone()));
+        tokio::spawn(certificates.clone().watch(store.clone(), onlookers.stop().clone()));
         let mqtt = mqtt.map(|publisher| onlookers.spawn(publisher.run(onlookers.stop().clone())));
         Ok(RunningServer { config, engine, metrics, store, health, certificates, ports, onlookers, mqtt })
     }

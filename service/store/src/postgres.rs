@@ -44,7 +44,7 @@ use crate::objects::Objects;
 use crate::settings::{StoreSettings, StoreStats};
 use crate::sql::fault::REFUSED;
 use crate::sql::logs;
-use crate::tenant::Tenant;
+use crate::tenant::{HAS_TENANTS, Tenant};
 use bell::Bell;
 pub(crate) use check::check;
 use clock::Clock;
@@ -128,6 +128,11 @@ impl Database for PostgresStore {
     async fn log_places(&self, tenant: Tenant) -> Result<LogPlaces> {
         let query = sqlx::query_as(AssertSqlSafe(logs::places_of(MADE))).bind(tenant.name());
         Ok(logs::places(query.fetch_one(&mut self.reader().await?).await?))
+    }
+
+    async fn has_tenants(&self) -> Result<bool> {
+        let found: i64 = sqlx::query_scalar(HAS_TENANTS).fetch_one(&mut self.reader().await?).await?;
+        Ok(found != 0)
     }
 
     fn stats(&self) -> StoreStats {

@@ -38,7 +38,7 @@ use crate::logs::LogPlaces;
 use crate::objects::Objects;
 use crate::settings::{StoreSettings, StoreStats};
 use crate::sql::logs;
-use crate::tenant::Tenant;
+use crate::tenant::{HAS_TENANTS, Tenant};
 use fault::is_damage;
 pub(crate) use fault::meaning;
 pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
@@ -96,6 +96,11 @@ impl Database for SqliteStore {
     async fn log_places(&self, tenant: Tenant) -> Result<LogPlaces> {
         let query = sqlx::query_as(AssertSqlSafe(logs::places_of(MADE))).bind(tenant.name());
         Ok(logs::places(query.fetch_one(&mut self.reader().await?).await?))
+    }
+
+    async fn has_tenants(&self) -> Result<bool> {
+        let found: i64 = sqlx::query_scalar(HAS_TENANTS).fetch_one(&mut self.reader().await?).await?;
+        Ok(found != 0)
     }
 
     fn stats(&self) -> StoreStats {

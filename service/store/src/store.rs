@@ -58,6 +58,12 @@ pub trait Database:
     /// `Unavailable`.
     async fn log_places(&self, tenant: Tenant) -> Result<LogPlaces>;
 
+    /// Whether there are records of any tenant but the default one.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn has_tenants(&self) -> Result<bool>;
+
     /// Counters since the store was opened.
     fn stats(&self) -> StoreStats;
 }

@@ -6,6 +6,13 @@ use std::str::FromStr;
 /// Longest name of a tenant, bytes.
 pub const MAX_TENANT_BYTES: usize = 32;
 
+/// Whether anything is of a tenant that has a name, or was asked for by one whose client is known.
+pub(crate) const HAS_TENANTS: &str = "SELECT CAST(CASE WHEN EXISTS (SELECT 1 FROM jobs WHERE tenant > '')
+        OR EXISTS (SELECT 1 FROM programs WHERE tenant > '') OR EXISTS (SELECT 1 FROM runs WHERE tenant > '')
+        OR EXISTS (SELECT 1 FROM decisions WHERE tenant > '') OR EXISTS (SELECT 1 FROM job_events WHERE tenant > '')
+        OR EXISTS (SELECT 1 FROM audit_tenants WHERE tenant NOT IN ('', '?') AND entries > 0)
+    THEN 1 ELSE 0 END AS BIGINT)";
+
 /// A tenant: jobs, programs, runs and what belongs to them are of one. Whoever names none has the default tenant, whose
 /// name is empty; it is a tenant like any other.
 #[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

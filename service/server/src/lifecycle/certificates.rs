@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use feedwave_store::Store;
 use tokio_util::sync::CancellationToken;
 
 use super::StartError;
@@ -61,11 +62,15 @@ impl Certificates {
     }
 
     /// Takes over what has changed, again and again.
-    pub(super) async fn watch(self, stop: CancellationToken) {
+    pub(super) async fn watch(self, store: Store, stop: CancellationToken) {
         while stop.run_until_cancelled(tokio::time::sleep(RELOAD_INTERVAL)).await.is_some() {
             let certificates = self.clone();
             // Files are read on a thread that may wait.
             let _ = tokio::task::spawn_blocking(move || certificates.reload()).await;
+            // Another replica may know clients of tenants.
+            if let Err(error) = self.access.look_for_tenants(&store).await {
+                tracing::debug!(%error, "whether there are tenants is not known");
+            }
         }
     }
 }
