@@ -1,6 +1,7 @@
 //! A server from its first port to its last call: start, run, drain.
 
 mod certificates;
+mod failures;
 mod onlookers;
 mod ports;
 
@@ -112,9 +113,9 @@ impl Server {
         let rules = config.retention.clone();
         engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, api.floors.clone(), draining.clone()));
         let certificates = Certificates::load(&config, metrics.clone())?;
-        let mqtt = Publisher::new(&config.mqtt, &api)
         let tenants = certificates.access.look_for_tenants(&store).await;
         tenants.map_err(|error| StartError::Setup(error.to_string()))?;
+        let mqtt = Publisher::new(&config.mqtt, &api)
             .map_err(|error| StartError::Tls { key: error.key, reason: error.reason })?;
         let audit = AuditLog::new(store.clone(), engine.clone());
         engine.spawn(audit.clone().follow(draining.clone()));

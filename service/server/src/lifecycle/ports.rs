@@ -14,7 +14,7 @@ use tower::ServiceBuilder;
 use tower::util::MapRequestLayer;
 use tower_http::classify::{GrpcCode, GrpcErrorsAsFailures, SharedClassifier};
 use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
-use tower_http::trace::{DefaultOnFailure, DefaultOnResponse, TraceLayer};
+use tower_http::trace::{DefaultOnResponse, TraceLayer};
 use tracing::Level;
 use uuid::Uuid;
 
@@ -22,6 +22,7 @@ use super::StartError;
 use super::certificates::Certificates;
 use super::onlookers::Onlookers;
 use crate::access::Access;
+use super::failures::Failures;
 use crate::api::Api;
 use crate::audit::AuditLog;
 use crate::config::{Config, ConnectionLimits};
@@ -190,7 +191,7 @@ fn grpc_app(asked: &Asked<'_>) -> Result<App, StartError> {
     let trace = TraceLayer::new(SharedClassifier::new(classifier()))
         .make_span_with(span)
         .on_response(DefaultOnResponse::new().level(Level::DEBUG))
-        .on_failure(DefaultOnFailure::new().level(Level::WARN));
+        .on_failure(Failures::default());
     let service = ServiceBuilder::new()
         .layer(tonic_web::GrpcWebLayer::new())
         .layer(MapRequestLayer::new(bound_request_id))
