@@ -250,6 +250,11 @@ impl Audited {
 }
 
 async fn store(store: Store, sequence: i64, result: AuditResult) {
+    /// Whether all that was asked for is done, whoever reads the end of the answer.
+    pub(crate) fn is_done(&self) -> bool {
+        self.caller.is_done()
+    }
+
     if let Err(error) = store.end_audit(sequence, result).await {
         tracing::warn!(%error, sequence, "a result is missing in the audit log");
     }
@@ -257,7 +262,12 @@ async fn store(store: Store, sequence: i64, result: AuditResult) {
 
 impl Drop for Audited {
     fn drop(&mut self) {
-        if !self.is_ended {
+        if self.is_ended {
+            return;
+        }
+        if self.is_done() {
+            self.end_later(tonic::Code::Ok, "");
+        } else {
             self.end_later(tonic::Code::Cancelled, "the client went away before the end");
         }
     }

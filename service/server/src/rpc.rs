@@ -452,8 +452,9 @@ impl Call {
 
 impl Drop for Call {
     fn drop(&mut self) {
-        // Without a status the client went away before the end.
-        let code = self.code.unwrap_or(Code::Cancelled);
+        // Without a status the client went away before the end: of the answer, or of what it asked for.
+        let is_done = self.audited.as_ref().is_some_and(Audited::is_done);
+        let code = self.code.unwrap_or(if is_done { Code::Ok } else { Code::Cancelled });
         if let (Some(audited), Some(code)) = (&mut self.audited, self.code) {
             audited.end_later(code, &self.reason);
         }

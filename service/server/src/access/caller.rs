@@ -1,5 +1,6 @@
 //! Who a call is done for.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use feedwave_contract::proto::CallerState;
@@ -21,6 +22,8 @@ pub struct Caller {
     connection: Option<Arc<Connection>>,
     /// What the call is about, for the audit log.
     subject: Arc<Mutex<String>>,
+    /// Whether all that was asked for is done.
+    is_done: Arc<AtomicBool>,
 }
 
 impl Caller {
@@ -33,6 +36,7 @@ impl Caller {
             has_tenants: true,
             connection,
             subject: Arc::default(),
+            is_done: Arc::default(),
         }
     }
 
@@ -115,6 +119,16 @@ impl Caller {
     /// States what the call is about, for the audit log.
     pub(crate) fn concerns(&self, subject: impl Into<String>) {
         *self.subject.lock().unwrap_or_else(PoisonError::into_inner) = subject.into();
+    }
+
+    /// States that all that was asked for is done: who goes away before the end of the answer has not cancelled it.
+    pub(crate) fn has_done(&self) {
+        self.is_done.store(true, Ordering::Release);
+    }
+
+    /// Whether it is.
+    pub(crate) fn is_done(&self) -> bool {
+        self.is_done.load(Ordering::Acquire)
     }
 
     /// What the call is about, as far as it is known.

@@ -132,6 +132,12 @@ impl Api {
             .ends_with(&cancelled, Error::JobCancelled { job: names::job(job) });
         Ok(Box::pin(guarded))
     }
+        let caller = self.caller.clone();
+        let run = run.inspect(move |message| {
+            if matches!(message, Ok(RunResponse { message: Some(Message::Ended(_)) })) {
+                caller.has_done();
+            }
+        });
 
     /// The job of a live run.
     async fn live_run(&self, name: &str) -> Result<Uuid> {

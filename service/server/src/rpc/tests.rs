@@ -150,3 +150,33 @@ async fn a_change_is_done_to_its_end_and_logged_though_nobody_waits() {
     let result = entry.result.unwrap();
     assert_eq!((result.code.as_str(), result.resource.as_str()), ("OK", "jobs/1"));
 }
+
+#[tokio::test]
+async fn what_is_done_is_not_cancelled_by_a_client_that_does_not_read_the_end_of_the_answer() {
+    let (_folder, store, metrics, layer) = layer_of(Limits::default()).await;
+    for (is_done, code) in [(true, "OK"), (false, "CANCELLED")] {
+        // The last message, and an end that does not come before the client has gone away.
+        let run = tower::service_fn(move |request: Request<Body>| async move {
+            if is_done {
+                request.extensions().get::<Caller>().unwrap().has_done();
+            }
+            let frames = futures_util::stream::once(async { Ok::<_, Status>(Frame::data(Bytes::from_static(b"1"))) });
+            let frames = futures_util::StreamExt::chain(frames, futures_util::stream::pending());
+            Ok::<_, Status>(Response::new(Body::new(StreamBody(Box::pin(frames)))))
+        });
+        let answer = layer.layer(run).call(call("/feedwave.v1.Runs/Run")).await.unwrap();
+        let mut body = answer.into_body();
+        let frame = std::future::poll_fn(|cx| std::pin::Pin::new(&mut body).poll_frame(cx)).await;
+        assert_eq!(frame.unwrap().unwrap().into_data().unwrap(), "1");
+        drop(body);
+        let result = loop {
+            let entries = store.audit_after(0, &feedwave_store::AuditFilter::default(), 10).await.unwrap();
+            match entries.into_iter().next_back().and_then(|entry| entry.result) {
+                Some(result) => break result,
+                None => tokio::task::yield_now().await,
+            }
+        };
+        assert_eq!(result.code, code);
+        assert_eq!(metrics.requests.with_label_values(&["/feedwave.v1.Runs/Run", code]).get(), 1);
+    }
+}
