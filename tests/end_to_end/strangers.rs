@@ -122,6 +122,19 @@ async fn an_entry_that_cannot_be_used_is_not_added() {
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(!refused.status.success() && refused.stdout.is_empty() && said.contains(why), "{said}");
         assert_eq!(std::fs::read_to_string(&file).unwrap(), before);
+/// A page of another site can have a browser send forms and texts without being asked first: these are no calls.
+#[tokio::test]
+async fn the_grpc_port_refuses_what_is_no_call_over_http_1_too() {
+    let server = Home::new(FEEDWAVE, "").start().await;
+    let web = Web::new(server.grpc);
+    for kind in ["text/plain", "application/x-www-form-urlencoded", "application/json"] {
+        let headers = [("content-type", kind)];
+        let answer = web.send("POST", "/feedwave.v1.Jobs/ListJobs", &headers, Bytes::new()).await;
+        assert_eq!(answer.status, 415, "{kind}");
+    }
+    assert_eq!(web.get("/").await.status, 415);
+}
+
     }
     // And the service starts with what there is.
     let server = Home::new(FEEDWAVE, &format!("[auth]\nclients = '{clients}'")).start().await;

@@ -333,11 +333,11 @@ where
 
 /// Whether a request says that it is a call. Pages of other sites can have a browser send other kinds, with the certificate of
 /// whoever looks at them, without asking first.
-fn is_grpc(headers: &HeaderMap) -> bool {
+pub(crate) fn is_grpc(headers: &HeaderMap) -> bool {
     headers.get(header::CONTENT_TYPE).is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc"))
 }
 
-fn not_grpc() -> Response<Body> {
+pub(crate) fn not_grpc() -> Response<Body> {
     let mut response = Response::new(Body::empty());
     *response.status_mut() = StatusCode::UNSUPPORTED_MEDIA_TYPE;
     response

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use axum::middleware::{Next, from_fn};
 use feedwave_contract::convert::timestamp;
 use http::{Request, Response, StatusCode, header};
 use jiff::Timestamp;
@@ -20,9 +21,9 @@ use uuid::Uuid;
 
 use super::StartError;
 use super::certificates::Certificates;
+use super::failures::Failures;
 use super::onlookers::Onlookers;
 use crate::access::Access;
-use super::failures::Failures;
 use crate::api::Api;
 use crate::audit::AuditLog;
 use crate::config::{Config, ConnectionLimits};
@@ -32,7 +33,7 @@ use crate::http::{HttpState, REQUEST_ID, router};
 use crate::mtconnect::{self, Agent, AgentState};
 use crate::observability::metrics::Metrics;
 use crate::readiness::Readiness;
-use crate::rpc::RpcLayer;
+use crate::rpc::{RpcLayer, is_grpc, not_grpc};
 use crate::services;
 
 /// Longest request id that is taken over from a client, bytes: it comes back in the headers of the answer.
@@ -193,6 +194,7 @@ fn grpc_app(asked: &Asked<'_>) -> Result<App, StartError> {
         .on_response(DefaultOnResponse::new().level(Level::DEBUG))
         .on_failure(Failures::default());
     let service = ServiceBuilder::new()
+        .layer(from_fn(only_grpc))
         .layer(tonic_web::GrpcWebLayer::new())
         .layer(MapRequestLayer::new(bound_request_id))
         .layer(SetRequestIdLayer::x_request_id(NewRequestId))
@@ -201,6 +203,11 @@ fn grpc_app(asked: &Asked<'_>) -> Result<App, StartError> {
         .layer(rpc)
         .service(routes);
     Ok(app(service))
+}
+
+/// Refuses what is no call, whatever the version of HTTP.
+async fn only_grpc(request: axum::extract::Request, next: Next) -> Response<axum::body::Body> {
+    if is_grpc(request.headers()) { next.run(request).await } else { not_grpc().map(axum::body::Body::new) }
 }
 
 /// The MTConnect agent, which follows the machines from here on.
