@@ -17,10 +17,11 @@ use crate::error::{Error, Result, code_name};
 const WINDOW: Duration = Duration::from_secs(60);
 /// How often counts are brought into the store.
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
-/// Kinds of refusals that are counted apart at a time; any further ones are counted together.
+/// Kinds of refusals of those who are not known that are counted apart at a time; any further ones are counted together. Those of
+/// known clients are bounded by their number.
 const MAX_KINDS: usize = 1_024;
-/// Kinds of one client that are counted apart; its further ones are counted together, so that nobody without rights can fill
-/// the log.
+/// Kinds of one client that are counted apart, of a known one by its name, of others by their address; its further ones are counted
+/// together, so that nobody without rights can fill the log, nor hide what another one was refused.
 const MAX_KINDS_OF_CLIENT: usize = 16;
 /// Why what is counted together was refused.
 const TOGETHER: &str = "further refusals, more than are counted apart";
@@ -54,9 +55,19 @@ struct Refusal {
 }
 
 impl Refusal {
-    /// The kind that holds further refusals of a client; of any where it has no name.
-    fn together(client: &str) -> Self {
-        Self { client: client.to_owned(), reason: TOGETHER.to_owned(), ..Self::default() }
+    /// The kind that holds further refusals of the same client; of any that is not known where `of_all`.
+    fn together(&self, of_all: bool) -> Self {
+        let reason = TOGETHER.to_owned();
+        if !self.principal.is_empty() {
+            return Self { principal: self.principal.clone(), reason, ..Self::default() };
+        }
+        let client = if of_all { String::new() } else { self.client.clone() };
+        Self { client, reason, ..Self::default() }
+    }
+
+    /// Whether both are of one client: known ones are told by their names, wherever they call from.
+    fn is_of_client_of(&self, other: &Self) -> bool {
+        self.principal == other.principal && (!self.principal.is_empty() || self.client == other.client)
     }
 }
 
@@ -150,18 +161,21 @@ impl AuditLog {
             reason: result.reason.clone(),
         };
         if !refusals.contains_key(&refusal) {
-            let is_full = refusals.len() >= MAX_KINDS;
+            let is_known = !refusal.principal.is_empty();
+            let of_unknown = refusals.keys().filter(|kind| kind.principal.is_empty());
+            let is_full = !is_known && of_unknown.take(MAX_KINDS).count() == MAX_KINDS;
             let is_full_of_client = is_full || {
-                let of_client = refusals.keys().filter(|kind| kind.client == client);
+                let of_client = refusals.keys().filter(|kind| kind.is_of_client_of(&refusal));
                 of_client.take(MAX_KINDS_OF_CLIENT).count() == MAX_KINDS_OF_CLIENT
             };
             if is_full_of_client {
-                refusal = Refusal::together(if is_full { "" } else { client });
+                refusal = refusal.together(is_full);
                 TOGETHER.clone_into(&mut result.reason);
-                request = if is_full {
-                    nobody()
-                } else {
-                    AuditRequest { address: request.address, certificate: request.certificate, ..nobody() }
+                let AuditRequest { principal, tenant, address, certificate, .. } = request;
+                request = match (is_known, is_full) {
+                    (true, _) => AuditRequest { principal, tenant, address, certificate, ..nobody() },
+                    (false, false) => AuditRequest { address, certificate, ..nobody() },
+                    (false, true) => nobody(),
                 };
             }
         }
@@ -236,6 +250,11 @@ impl Audited {
         AuditResult { resource: self.caller.subject(), code: code.to_owned(), reason: reason.to_owned() }
     }
 
+    /// Whether all that was asked for is done, whoever reads the end of the answer.
+    pub(crate) fn is_done(&self) -> bool {
+        self.caller.is_done()
+    }
+
     /// Stores what came of it.
     pub(crate) async fn end(mut self, code: tonic::Code, reason: &str) {
         let result = self.result(code_name(code), reason);
@@ -250,11 +269,6 @@ impl Audited {
 }
 
 async fn store(store: Store, sequence: i64, result: AuditResult) {
-    /// Whether all that was asked for is done, whoever reads the end of the answer.
-    pub(crate) fn is_done(&self) -> bool {
-        self.caller.is_done()
-    }
-
     if let Err(error) = store.end_audit(sequence, result).await {
         tracing::warn!(%error, sequence, "a result is missing in the audit log");
     }
