@@ -2,14 +2,21 @@
 //! admins over gRPC, HTTP and the command line.
 
 use std::collections::BTreeMap;
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt as _;
 
 use bytes::Bytes;
 use feedwave_contract::proto::audit_client::AuditClient;
 use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::machines_client::MachinesClient;
+use feedwave_contract::proto::runs_client::RunsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::tools_client::ToolsClient;
 use feedwave_contract::proto::{
-    AuditEntry, CancelJobRequest, DeleteJobRequest, DeleteMachineRequest, GetJobRequest, ListAuditEntriesRequest,
-    ListMachinesRequest,
+    AdoptToolProposalRequest, AuditEntry, CancelJobRequest, CreateMachineRequest, CreateToolRequest, DeleteJobRequest,
+    DeleteMachineRequest, GetJobRequest, IngestRequest, IngestStart, LearningSource, ListAuditEntriesRequest,
+    ListMachinesRequest, Machine, RecordingSettings, RunRequest, RunStart, SetMonitoringRequest, Tool,
+    UpdateMachineRequest, UpdateToolRequest, ingest_request, ingest_start, run_request, run_start,
 };
 use feedwave_tests::{Home, Server, patiently, upload_messages};
 use tokio::task::JoinSet;
@@ -224,4 +231,84 @@ async fn nothing_acknowledged_is_missing_in_the_log() {
     for (name, method) in acknowledged {
         assert_eq!(kept.get(&(name.clone(), method.to_owned())), Some(&1), "{method} {name}");
     }
+}
+
+/// A call that is refused names what it is about as one that is done does.
+#[tokio::test]
+async fn a_refused_call_names_what_it_was_about() {
+    let server = Home::new(FEEDWAVE, "").start().await;
+    let channel = channel(&server).await;
+    let job = server.connect().await.submit("G21\nM30\n").await.job.name;
+    let (mut machines, mut tools) = (MachinesClient::new(channel.clone()), ToolsClient::new(channel.clone()));
+    let (mut telemetry, mut runs) = (TelemetryClient::new(channel.clone()), RunsClient::new(channel));
+    let machine = "machines/new".to_owned();
+    let create = CreateMachineRequest { machine_id: "new".to_owned(), machine: None };
+    machines.create_machine(create).await.unwrap_err();
+    let update = Machine { name: machine.clone(), ..Default::default() };
+    let update = UpdateMachineRequest { machine: Some(update), update_mask: None };
+    machines.update_machine(update).await.unwrap_err();
+    machines.delete_machine(DeleteMachineRequest { name: machine.clone(), ..Default::default() }).await.unwrap_err();
+    let tool = "tools/new".to_owned();
+    tools.create_tool(CreateToolRequest { tool_id: "new".to_owned(), tool: None }).await.unwrap_err();
+    let update = Tool { name: tool.clone(), ..Default::default() };
+    tools.update_tool(UpdateToolRequest { tool: Some(update), update_mask: None }).await.unwrap_err();
+    let source = LearningSource { tool: tool.clone(), ..Default::default() };
+    let adopt = AdoptToolProposalRequest { source: Some(source), ..Default::default() };
+    tools.adopt_tool_proposal(adopt).await.unwrap_err();
+    telemetry.set_monitoring(SetMonitoringRequest { job: job.clone(), config: None }).await.unwrap_err();
+    let target = |job: &str| Some(run_start::Target::Job(job.to_owned()));
+    let start = RunStart { target: target(&job), start_index: 7, ..Default::default() };
+    let start = RunRequest { message: Some(run_request::Message::Start(start)) };
+    runs.run(tokio_stream::iter([start])).await.unwrap_err();
+    let run = "runs/01900000-0000-7000-8000-000000000000".to_owned();
+    let start = IngestStart {
+        target: Some(ingest_start::Target::Run(run.clone())),
+        recording: Some(RecordingSettings::default()),
+        ..Default::default()
+    };
+    let start = IngestRequest { message: Some(ingest_request::Message::Start(start)) };
+    telemetry.ingest(tokio_stream::iter([start])).await.unwrap_err();
+    let entries = log(&server, "", 100).await.unwrap();
+    let refused = entries.iter().filter(|entry| entry.result != "OK");
+    let told: Vec<_> =
+        refused.map(|entry| (entry.method.rsplit('/').next().unwrap(), entry.resource.clone())).collect();
+    assert_eq!(
+        told,
+        [
+            ("CreateMachine", machine.clone()),
+            ("UpdateMachine", machine.clone()),
+            ("DeleteMachine", machine),
+            ("CreateTool", tool.clone()),
+            ("UpdateTool", tool.clone()),
+            ("AdoptToolProposal", tool),
+            ("SetMonitoring", job.clone()),
+            ("Run", job),
+            ("Ingest", run),
+        ]
+    );
+}
+
+/// What the service makes, its user alone can read; what was there keeps its mode.
+#[tokio::test]
+async fn files_of_the_service_are_its_users_alone() {
+    let home = Home::new(FEEDWAVE, "");
+    let mode = |path: &std::path::Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    std::fs::set_permissions(home.path(), Permissions::from_mode(0o755)).unwrap();
+    let server = home.start().await;
+    server.connect().await.submit("G21\nM30\n").await;
+    let home = server.kill().await;
+    if std::env::var_os("FEEDWAVE_TEST_STORE").is_none() {
+        let copy = home.path().join("copy.db");
+        let store = format!("sqlite://{}/feedwave.db", home.path().display());
+        let written = feedwave(&["backup", "--store", &store, copy.to_str().unwrap()], &[]).await;
+        assert!(written.status.success(), "{written:?}");
+    }
+    let made = std::fs::read_dir(home.path()).unwrap().map(|entry| entry.unwrap().path());
+    let is_of_test = |path: &std::path::PathBuf| path.ends_with("feedwave.toml") || path.ends_with("log.txt");
+    let made: Vec<_> = made.filter(|path| !is_of_test(path)).collect();
+    assert!(made.iter().any(|path| path.ends_with("ready.json")), "{made:?}");
+    for path in made {
+        assert_eq!(mode(&path), 0o600, "{}", path.display());
+    }
+    assert_eq!(mode(home.path()), 0o755);
 }

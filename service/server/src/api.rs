@@ -90,6 +90,13 @@ impl Api {
         Self { store: self.store.called_by(caller.clone()), caller, ..self.clone() }
     }
 
+    /// Has the audit log name what a call is about, as soon as it is known: refusals name it as well. A name that is none names nothing.
+    fn concerns<'a, T, E>(&self, name: &'a str, parse: fn(&'a str) -> Result<T, E>, to_name: fn(T) -> String) {
+        if let Ok(id) = parse(name) {
+            self.caller.concerns(to_name(id));
+        }
+    }
+
     /// Answers a unary call.
     async fn answer<Q, A>(
         &self,

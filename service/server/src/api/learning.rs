@@ -39,6 +39,9 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub async fn adopt_tool_proposal(&self, request: AdoptToolProposalRequest) -> Result<AdoptToolProposalResponse> {
+        if let Some(source) = &request.source {
+            self.concerns(&source.tool, names::parse_tool, names::tool);
+        }
         let mut violations = Violations::default();
         if request.digest.is_empty() {
             violations.add("digest", "must be that of the proposal that is adopted");
@@ -49,7 +52,6 @@ impl Api {
         violations.finish()?;
         let source = request.source.unwrap_or_default();
         let (record, proposal) = self.learn(&source).await?;
-        self.caller.concerns(names::tool(&record.id));
         if proposal.digest != request.digest {
             let name = format!("the proposal for {}", proposal.tool);
             return Err(Error::EtagMismatch { name, etag: proposal.digest });

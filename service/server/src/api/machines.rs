@@ -64,6 +64,7 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub async fn create_machine(&self, request: CreateMachineRequest) -> Result<CreateMachineResponse> {
+        self.concerns(&request.machine_id, names::check_id, names::machine);
         let mut violations = Violations::default();
         violations.check("machine_id", names::check_id(&request.machine_id));
         let document = checked_document(violations, &request.machine.unwrap_or_default())?;
@@ -107,6 +108,7 @@ impl Api {
     /// As the contract says.
     pub async fn update_machine(&self, request: UpdateMachineRequest) -> Result<UpdateMachineResponse> {
         let given = request.machine.unwrap_or_default();
+        self.concerns(&given.name, names::parse_machine, names::machine);
         let id =
             names::parse_machine(&given.name).map_err(|error| Error::invalid("machine.name", error.to_string()))?;
         let record = self.store.machine(id).await?;
@@ -125,6 +127,7 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub async fn delete_machine(&self, request: DeleteMachineRequest) -> Result<DeleteMachineResponse> {
+        self.concerns(&request.name, names::parse_machine, names::machine);
         let id = names::parse_machine(&request.name).map_err(|error| Error::invalid("name", error.to_string()))?;
         self.store.delete_machine(id, etag(&request.etag)).await?;
         self.floors.remove_machine(id);

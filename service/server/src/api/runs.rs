@@ -93,6 +93,11 @@ impl Api {
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
+        match &start.target {
+            Some(Target::Job(name)) => self.concerns(name, names::parse_job, names::job),
+            Some(Target::Run(name)) => self.concerns(name, names::parse_run, names::run),
+            None => {}
+        }
         let CheckedStart { target, encoding } = check_start(&start)?;
         let job = match target {
             Target::Job(name) => job_id("start.job", name)?,
@@ -127,17 +132,17 @@ impl Api {
         tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
         self.engine.spawn(take_in(messages, intake));
         let started = stream::once(std::future::ready(Ok(started)));
-        let guarded = Guarded::new(started.chain(run), deadline)
-            .ends_with(self.engine.draining(), Error::Draining)
-            .ends_with(&cancelled, Error::JobCancelled { job: names::job(job) });
-        Ok(Box::pin(guarded))
-    }
         let caller = self.caller.clone();
         let run = run.inspect(move |message| {
             if matches!(message, Ok(RunResponse { message: Some(Message::Ended(_)) })) {
                 caller.has_done();
             }
         });
+        let guarded = Guarded::new(started.chain(run), deadline)
+            .ends_with(self.engine.draining(), Error::Draining)
+            .ends_with(&cancelled, Error::JobCancelled { job: names::job(job) });
+        Ok(Box::pin(guarded))
+    }
 
     /// The job of a live run.
     async fn live_run(&self, name: &str) -> Result<Uuid> {

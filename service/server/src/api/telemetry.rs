@@ -59,6 +59,7 @@ impl Api {
     /// As the contract says.
     pub async fn set_monitoring(&self, request: SetMonitoringRequest) -> Result<SetMonitoringResponse> {
         let mut violations = Violations::default();
+        self.concerns(&request.job, names::parse_job, names::job);
         let job = violations.check("job", names::parse_job(&request.job));
         let mut table_from = None;
         let config = match request.config {
@@ -169,6 +170,11 @@ impl Api {
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
+        match &start.target {
+            Some(Target::Job(name)) => self.concerns(name, names::parse_job, names::job),
+            Some(Target::Run(name)) => self.concerns(name, names::parse_run, names::run),
+            None => {}
+        }
         let recording = checked_recording(&start)?;
         let target = start.target.as_ref().ok_or_else(|| Error::invalid("start.target", "job or run must be set"))?;
         let job = match target {

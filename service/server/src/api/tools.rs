@@ -41,6 +41,7 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub async fn create_tool(&self, request: CreateToolRequest) -> Result<CreateToolResponse> {
+        self.concerns(&request.tool_id, names::check_id, names::tool);
         let mut violations = Violations::default();
         violations.check("tool_id", names::check_id(&request.tool_id));
         let tool = request.tool.unwrap_or_default();
@@ -79,6 +80,7 @@ impl Api {
     /// As the contract says.
     pub async fn update_tool(&self, request: UpdateToolRequest) -> Result<UpdateToolResponse> {
         let given = request.tool.unwrap_or_default();
+        self.concerns(&given.name, names::parse_tool, names::tool);
         let id = names::parse_tool(&given.name).map_err(|error| Error::invalid("tool.name", error.to_string()))?;
         let record = self.store.tool(id).await?;
         let updated = mask::apply(&from_record(&record)?, &given, request.update_mask.as_ref())?;
