@@ -214,6 +214,12 @@ impl Command {
     }
 }
 
+/// Has this process make files and folders that nobody but its user can read: databases and their copies hold the programs of all
+/// tenants. What exists keeps its mode.
+fn make_files_private() {
+    rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
+}
+
 /// Why a subcommand failed: message and exit code.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]

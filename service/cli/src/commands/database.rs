@@ -9,7 +9,7 @@ use feedwave_store::{CheckReport, CopyError, CopyReport, StoreError};
 
 use super::terminal::{print, print_json};
 use super::validate::Format;
-use super::{CliError, EXIT_REFUSED};
+use super::{CliError, EXIT_REFUSED, make_files_private};
 use crate::args::GlobalArgs;
 
 /// Which database.
@@ -114,6 +114,7 @@ pub async fn copy(args: CopyArgs) -> Result<ExitCode, CliError> {
         text.parse::<StoreUri>().map_err(|error| CliError::trouble(format!("{name}: {error}")))
     };
     let (from, to) = (uri("FROM-URI", &args.from)?, uri("TO-URI", &args.to)?);
+    make_files_private();
     let tables = feedwave_store::copy(&from, &to).await.map_err(|error| match error {
         CopyError::From(error @ StoreError::Damaged { .. }) => {
             CliError { message: format!("{from}: {error}; feedwave check says what is lost"), exit_code: EXIT_REFUSED }
@@ -151,6 +152,7 @@ pub async fn check(args: CheckArgs, global: &GlobalArgs) -> Result<ExitCode, Cli
 /// [`CliError`] when it cannot be copied.
 pub async fn backup(args: BackupArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let uri = args.store.uri(global)?;
+    make_files_private();
     let report = feedwave_store::backup(&uri, &args.to).await.map_err(|error| match error {
         // It is about the copy: the database is as it should be.
         StoreError::CannotCopy { .. } => failed(args.to.display(), &error),
@@ -166,6 +168,7 @@ pub async fn backup(args: BackupArgs, global: &GlobalArgs) -> Result<ExitCode, C
 /// [`CliError`] when it cannot be restored.
 pub async fn restore(args: RestoreArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let uri = args.store.uri(global)?;
+    make_files_private();
     let report = feedwave_store::restore(&uri, &args.from, args.accept_damage).await.map_err(|error| match error {
         CopyError::From(error @ StoreError::Damaged { .. }) => CliError {
             message: format!("{}: {error}; --accept-damage restores it all the same", args.from.display()),

@@ -11,7 +11,7 @@ use feedwave_server::observability::{self, REVISION, VERSION};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::args::GlobalArgs;
-use crate::commands::CliError;
+use crate::commands::{CliError, make_files_private};
 
 /// The signal of a write beyond a limit of file sizes, on every system that has it.
 const SIGXFSZ: i32 = 25;
@@ -51,6 +51,7 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
         .set("store.replica_name", args.replica_name)
         .set("database.path", args.database.map(|path| path.display().to_string()));
     let config = global.load(flags)?;
+    make_files_private();
     let log = observability::init(&config).map_err(CliError::new)?;
     tracing::info!(version = VERSION, revision = REVISION, "feedwave");
 
