@@ -39,7 +39,8 @@ struct Document {
 }
 
 impl KeySet {
-    /// Reads a set. Keys of kinds that are not known here are passed over, as are secrets and keys for encryption.
+    /// Reads a set. Keys of kinds that are not known here are passed over, as are secrets and keys for encryption: a set without a key
+    /// that can be used says that there is none any more. One of which nothing is a key cannot be read.
     ///
     /// # Errors
     /// What is wrong with the whole.
@@ -49,9 +50,16 @@ impl KeySet {
         if document.keys.len() > MAX_KEYS {
             return Err(format!("it has {} keys, more than {MAX_KEYS}", document.keys.len()));
         }
+        // A key says of which kind it is (RFC 7517, 4.1).
+        let has_kind = |key: &serde_json::Value| key.get("kty").is_some_and(serde_json::Value::is_string);
+        if !document.keys.is_empty() && !document.keys.iter().any(has_kind) {
+            return Err("it is no set of keys (JWKS): none of its keys has a kind (kty)".to_owned());
+        }
         let keys: Vec<Key> = document.keys.into_iter().filter_map(key).collect();
         if keys.is_empty() {
-            return Err("it has no key that verifies signatures (RSA, P-256, P-384, Ed25519)".to_owned());
+            tracing::warn!(
+                "the set of keys has none that verifies signatures (RSA, P-256, P-384, Ed25519): no token is accepted"
+            );
         }
         Ok(Self { keys })
     }

@@ -228,14 +228,16 @@ async fn what_is_not_right_in_every_part_is_refused() {
 }
 
 #[test]
-fn sets_of_keys_are_bounded_and_have_one_that_can_be_used() {
+fn sets_of_keys_are_bounded_and_one_that_has_none_is_an_answer() {
     let refused = |text: &str| KeySet::parse(text.as_bytes()).err().unwrap();
     assert!(refused("{}").contains("no set of keys"));
-    assert!(refused("{\"keys\": []}").contains("no key that verifies"));
-    assert!(
-        refused("{\"keys\": [{\"kty\": \"oct\", \"kid\": \"a\", \"k\": \"AAAA\"}]}").contains("no key that verifies")
-    );
-    let many = json!({"keys": vec![json!({}); 101]});
+    assert!(refused("{\"keys\": [{}]}").contains("has a kind"));
+    assert!(refused("{\"keys\": [{\"kty\": 1}]}").contains("has a kind"));
+    assert!(refused("{\"keys\": [null]}").contains("has a kind"));
+    for none in ["{\"keys\": []}", "{\"keys\": [{\"kty\": \"oct\", \"kid\": \"a\", \"k\": \"AAAA\"}]}"] {
+        assert!(KeySet::parse(none.as_bytes()).unwrap().find(Some("a")).is_none());
+    }
+    let many = json!({"keys": vec![json!({"kty": "RSA"}); 101]});
     assert!(refused(&many.to_string()).contains("more than 100"));
 }
 
@@ -294,7 +296,16 @@ async fn keys_behind_a_url_are_asked_for_when_a_token_names_another_and_not_too_
     set(ok(&issuer.jwks("next")));
     eager.identity(&next).await.unwrap();
     assert!(refusal(&eager, &token).await.contains("no known key"));
-    set(String::new());
+    for unreadable in [String::new(), ok("{}"), ok("{\"keys\": [{}]}")] {
+        set(unreadable);
+        eager.refresh(Duration::ZERO).await;
+        eager.identity(&next).await.unwrap();
+    }
+    // A set without keys says that they are revoked.
+    set(ok("{\"keys\": []}"));
+    eager.refresh(Duration::ZERO).await;
+    assert!(refusal(&eager, &next).await.contains("no known key"));
+    set(ok(&issuer.jwks("next")));
     eager.identity(&next).await.unwrap();
 
     // However many tokens name other keys, and at once: the provider is asked once.
