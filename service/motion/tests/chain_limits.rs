@@ -186,7 +186,11 @@ fn check_steps(pieces: &[Piece], machine: &Machine, feed_mm_per_min: f64, period
                 let velocity = |k: usize| (p[k][column] - p[k - 1][column]) / period_s;
                 let change = (velocity(k) - velocity(k - periods)).abs();
                 let permitted = axis.max_velocity_step_per_s + axis.max_acceleration_per_s2 * periods as f64 * period_s;
-                prop_assert!(change <= permitted * (1.0 + 1e-6), "{change} of {permitted} mm/s of {} at {k}", axis.name);
+                prop_assert!(
+                    change <= permitted * (1.0 + 1e-6),
+                    "{change} of {permitted} mm/s of {} at {k}",
+                    axis.name
+                );
             }
         }
     }
