@@ -171,8 +171,7 @@ impl Finding {
     /// Says that it was met in a program that is executed more than once: behind these calls, innermost first, and in this round
     /// of the innermost loop. Occurrences at one place are then one finding, whatever the values of variables are.
     pub(crate) fn met_within(&mut self, calls: impl Iterator<Item = SourceSpan>, round: Option<u64>) {
-        let call = |span| RelatedPlace { message: "called from here".into(), span, is_call: true };
-        self.related.extend(calls.map(call));
+        self.called_from(calls);
         if self.rank.is_none() {
             let about = self.message.split(|letter: char| letter.is_ascii_digit() || "+-.e".contains(letter));
             let about: String = about.filter(|part| !part.is_empty()).collect();
@@ -182,6 +181,12 @@ impl Finding {
             let occurrence = Occurrence { name: "iteration".into(), number };
             (self.first, self.worst) = (Some(occurrence.clone()), Some(occurrence));
         }
+    }
+
+    /// Names the calls that led to its place, innermost first.
+    pub(crate) fn called_from(&mut self, calls: impl Iterator<Item = SourceSpan>) {
+        let call = |span| RelatedPlace { message: "called from here".into(), span, is_call: true };
+        self.related.extend(calls.map(call));
     }
 
     /// Adds a number that led to the finding.

@@ -15,8 +15,8 @@ use crate::evidence::Evidence;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
 use crate::parameters::Parameters;
 use crate::{
-    AxisSet, Compensator, Coolant, Feed, FeedMode, Function, InitialMotion, LanguageSettings, PathControl, Place,
-    Plane, Position, SourceSpan, Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
+    AxisSet, Compensator, Coolant, Feed, FeedMode, Finding, Function, InitialMotion, LanguageSettings, PathControl,
+    Place, Plane, Position, SourceSpan, Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -447,6 +447,14 @@ impl InterpreterState {
     #[must_use]
     pub const fn lines_read(&self) -> u32 {
         self.lines
+    }
+
+    /// Names the calls that first led to a finding in a further program that names none: what is found once moves are planned does not
+    /// know them any more.
+    pub fn name_calls(&self, finding: &mut Finding) {
+        if !finding.related.iter().any(|place| place.is_call) {
+            finding.called_from(self.flow.first_calls_of(finding.span.program));
+        }
     }
 
     /// Whether a plane was tilted whose words were refused: until `G69` nothing is said of what follows from that.

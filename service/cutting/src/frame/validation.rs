@@ -204,8 +204,10 @@ impl Validation {
             spindle_rev_per_min: analysis.spindle_rev_per_min,
             ..ProgramSummary::default()
         };
+        let mut findings = findings.into_sorted();
+        findings.iter_mut().for_each(|finding| pipeline.interpreter_state().name_calls(finding));
         let mut report = ValidationReport {
-            findings: findings.into_sorted(),
+            findings,
             programs: config.programs.clone(),
             thinning,
             summary,

@@ -15,6 +15,8 @@ mod targets;
 mod values;
 mod whole_lines;
 
+use std::collections::BTreeMap;
+
 use labels::Labels;
 
 pub(crate) use calls::called_program;
@@ -67,6 +69,8 @@ enum Found {
 pub(crate) struct FlowState {
     /// The programs that wait for the one that is read, outermost first.
     pub(crate) calls: Vec<Call>,
+    /// The first call of each further program.
+    first_calls: BTreeMap<u32, SourceSpan>,
     /// Loops that are open in the program that is read, outermost first.
     loops: Vec<Loop>,
     /// Macros that are run behind every block that moves, oldest first (`G66`).
@@ -383,6 +387,18 @@ impl FlowState {
     /// Whether the program that is read, or one that waits for it, was called by a code of the profile.
     pub(crate) fn is_called_by_code(&self) -> bool {
         self.calls.iter().any(|call| call.by_code)
+    }
+
+    /// The calls that first led to a further program, innermost first.
+    pub(crate) fn first_calls_of(&self, program: u32) -> impl Iterator<Item = SourceSpan> {
+        // A program was called before it called another one, so this comes to an end.
+        let caller = |call: &SourceSpan| self.first_call_of(call.program);
+        core::iter::successors(self.first_call_of(program), caller)
+    }
+
+    fn first_call_of(&self, program: u32) -> Option<SourceSpan> {
+        // The job's own program may be called as well, and was there before.
+        self.first_calls.get(&program).filter(|_| program != 0).copied()
     }
 
     /// Something moved without a block.

@@ -173,6 +173,26 @@ async fn findings_in_called_files_name_file_and_calls() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn findings_of_machining_functions_in_called_files_name_the_calls() {
+    let test = TestServer::start().await;
+    let validate = ValidateProgramRequest {
+        inline_program: b"G21 G18 G99 G97 S1000 M3\nG0 X30. Z2.\nM98 P1000\nM30\n".to_vec().into(),
+        on: Some(validate_program_request::On::Machine("machines/lathe".to_owned())),
+        programs: vec![
+            inline("O1000.nc", "O1000\nM98 P1001\nG0 X32. Z2.\nM98 P1001\nM99\n"),
+            inline("O1001.nc", "O1001\nG200 F50. A0.03\nG1 Z-10. F0.1\nG201\nM99\n"),
+        ],
+        ..Default::default()
+    };
+    let report = test.jobs().validate_program(validate).await.unwrap().into_inner().report.unwrap();
+    let finding = report.findings.iter().find(|finding| finding.code == "VIB-CHIP-UNBROKEN");
+    let finding = finding.unwrap_or_else(|| panic!("{:?}", report.findings));
+    assert_eq!((finding.file.as_str(), finding.line), ("O1001.nc", 2));
+    let calls: Vec<_> = finding.related.iter().map(|place| (place.file.as_str(), place.line, place.is_call)).collect();
+    assert_eq!(calls, [("O1000.nc", 2, true), ("", 3, true)]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn requests_that_cannot_be_are_refused_with_their_fields() {
     let test = TestServer::with_limits(Limits { inline_program_bytes: 100, ..Limits::default() }).await;
     let status = interpret(&test, InterpretRequest::default()).await.unwrap_err();

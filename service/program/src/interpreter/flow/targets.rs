@@ -222,6 +222,9 @@ impl Interpreter {
         }
         let modes = std::mem::take(&mut self.state.machine.context);
         let flow = &mut self.state.flow;
+        if target.place.program != pending.from.place.program {
+            flow.first_calls.entry(target.place.program).or_insert(pending.span);
+        }
         flow.calls.push(Call {
             kind: request.kind,
             target,
