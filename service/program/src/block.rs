@@ -113,6 +113,8 @@ pub(crate) struct Block {
     pub(crate) comment: (u32, u32),
     /// An expression could not be evaluated, so that the program cannot go on.
     pub(crate) has_failed: bool,
+    /// End of the last text, which is one finding.
+    text_end: u32,
     /// Codes that the profile replaces by a call are what they are without it, as the program was called by such a code.
     keeps_codes: bool,
     /// What calls a program stands in the place of a code.
@@ -140,6 +142,7 @@ impl Default for Block {
             assignments: Vec::new(),
             comment: (0, 0),
             has_failed: false,
+            text_end: 0,
             keeps_codes: false,
             calls_by_code: false,
         }
@@ -338,6 +341,7 @@ impl Block {
         self.assignments.clear();
         self.comment = (0, 0);
         self.has_failed = false;
+        self.text_end = 0;
         self.calls_by_code = false;
     }
 

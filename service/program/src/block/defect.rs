@@ -3,7 +3,7 @@
 use super::{Block, LARGEST_LABEL, LARGEST_NUMBER};
 use crate::code;
 use crate::dialect::{CodeTable, Group, letter_bit};
-use crate::lexer::{Token, TokenKind};
+use crate::lexer::{Lexer, Token, TokenKind};
 use crate::lookalike::Stretch;
 use crate::{Finding, FindingCode, FindingLog, GCodeSystem};
 
@@ -230,9 +230,16 @@ impl Block {
         {
             return self.report_lookalike(line, &stretch, findings);
         }
+        let is_text = token.kind == TokenKind::Text;
+        if is_text && token.start < self.text_end {
+            return;
+        }
         let (start, end) = (token.start as usize, token.end as usize);
         // A few letters may be a code that is misspelt, as in GO; more are text.
-        let is_typing_error = token.kind == TokenKind::Text && end - start <= 3;
+        let is_typing_error = is_text && end - start <= 3;
+        let token =
+            if is_text && !is_typing_error { Token { end: end_of_text(line, token.end), ..token } } else { token };
+        self.text_end = if is_text { token.end } else { self.text_end };
         if matches!(token.kind, TokenKind::Expression | TokenKind::Statement) || is_typing_error {
             self.unread |= letters_in(&line[start..end]);
         }
@@ -284,6 +291,12 @@ impl Block {
             finding.suggest(cure)
         });
     }
+}
+
+/// End of a text whose first word ends here: further words of letters alone belong to it.
+fn end_of_text(line: &[u8], end: u32) -> u32 {
+    let words = Lexer::from(line, end as usize).take_while(|token| token.kind == TokenKind::Text);
+    words.last().map_or(end, |last| last.end)
 }
 
 /// The text of a token for a message: readable and short whatever it holds.

@@ -42,8 +42,8 @@ crate::finding_codes! {
 
     "PRG-COMP-BLOCK" [COMP_BLOCK: Error] {
         meaning: "something that radius compensation does not permit",
-        cause: "Another plane or work offset, `G28`, `G53`, a cycle, a spline, a thread, a tool change or the like on a \
-              compensated contour.",
+        cause: "Another plane or work offset, `G28`, `G53`, a cycle, a spline, a thread, a tool change, another `D` or the \
+              like on a compensated contour.",
         cure: "Leave the contour with G40 and a straight move first.",
         example: linuxcnc("G0 X0 Y0\nG41.1 D6 G1 X20 Y0 F100\nY20\nG28 Z0\nG40 G0 X0 Y40\nM2"),
     }

@@ -45,11 +45,19 @@ impl Execution<'_> {
         let only_in_plane = named.without(first).without(second).is_empty();
         if self.state.coords.polar.is_some() {
             self.state.position = self.target(axes, Frame::Work);
-            return self.angle_error(span, "an angle of a line in polar coordinates (G16)");
+            return self.angle_error(
+                span,
+                "an angle of a line in polar coordinates (G16)",
+                "end polar coordinates with G15 before it",
+            );
         }
         if self.state.motion != Motion::Linear || !only_in_plane || !self.state.tool_control.is_plain() {
             self.state.position = self.target(axes, Frame::Work);
-            return self.angle_error(span, "an angle belongs to a line (G1) in the plane");
+            return self.angle_error(
+                span,
+                "an angle belongs to a line (G1) in the plane",
+                "write G1 in the block, and other axes in one of their own",
+            );
         }
         let angle_deg = self.scaled(&word, false);
         let corner = self.corner_words(axes);
@@ -60,7 +68,11 @@ impl Execution<'_> {
         match (named.contains(first), named.contains(second)) {
             (false, false) => {
                 if self.state.angle_line.is_some() {
-                    return self.angle_error(span, "the end of the line before it is not known yet");
+                    return self.angle_error(
+                        span,
+                        "the end of the line before it is not known yet",
+                        "write both coordinates of this line's end",
+                    );
                 }
                 self.state.angle_line = Some(Box::new(AngleLine { span: self.block.span(), angle_deg, corner }));
                 return;
@@ -79,7 +91,11 @@ impl Execution<'_> {
             }
             _ => {
                 self.state.position = end;
-                return self.angle_error(span, "the line never reaches the coordinate that is given");
+                return self.angle_error(
+                    span,
+                    "the line never reaches the coordinate that is given",
+                    "write the other coordinate, or an angle that is not along the other axis",
+                );
             }
         }
         if let Some(feed) = self.cutting_feed(axes) {
@@ -91,14 +107,22 @@ impl Execution<'_> {
     /// The first of two lines, to the point that it has in common with this block's; whether there is one.
     fn meet(&mut self, angle_deg: f64, along: f64, across: f64, axes: u32, span: SourceSpan) -> bool {
         let Some(line) = self.state.angle_line.take() else {
-            self.angle_error(span, "both coordinates and an angle say the same thing twice");
+            self.angle_error(
+                span,
+                "both coordinates and an angle say the same thing twice",
+                "remove the angle, or one coordinate",
+            );
             return false;
         };
         let (first, second) = self.state.plane.axes();
         let (d, e) = (direction(line.angle_deg), direction(angle_deg));
         let determinant = d[0] * e[1] - d[1] * e[0];
         if determinant.abs() <= PARALLEL {
-            self.angle_error(span, "the two lines are parallel, so that they have no point in common");
+            self.angle_error(
+                span,
+                "the two lines are parallel, so that they have no point in common",
+                "write the end of the first line, or another angle",
+            );
             return false;
         }
         let start = self.state.position;
@@ -126,9 +150,9 @@ impl Execution<'_> {
     }
 
     #[cold]
-    fn angle_error(&mut self, span: SourceSpan, message: &'static str) {
+    fn angle_error(&mut self, span: SourceSpan, message: &'static str, cure: &'static str) {
         self.used |= letter_bit(b'R');
-        self.findings.push_with(code::CORNER, |code| Finding::new(code, span, message));
+        self.findings.push_with(code::CORNER, |code| Finding::new(code, span, message).suggest(cure));
     }
 }
 

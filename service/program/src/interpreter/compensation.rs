@@ -3,7 +3,7 @@
 use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::state::{CompensationOn, ToolMode, TurningCycle};
+use crate::state::{CompensationOn, Motion, ToolMode, TurningCycle};
 use crate::{
     CompensationCommand, CompensationMode, CompensationRules, DialectName, Finding, OperationKind, Plane, Position,
     SourceSpan,
@@ -211,19 +211,23 @@ impl Execution<'_> {
     }
 
     /// `D` without `G41` and `G42`: FANUC and Haas mills keep the number for the next of them, as posts write it beside the tool's
-    /// length. `false` where it would change the contour that is on, and beside `G96`, where other controls read a speed.
+    /// length. Refused where it would change the radius of the contour that is on; `false` beside `G96`, where other controls read a
+    /// speed.
     #[cold]
-    pub(super) fn keeps_offset_number(&mut self) -> bool {
+    pub(super) fn takes_offset_number(&mut self) -> bool {
         let Some(word) = self.block.word(b'D').copied() else { return false };
         if self.settings.dialect != DialectName::Mill || self.code(Group::SpeedMode).is_some() {
             return false;
         }
         let Some(number) = self.whole(&word) else { return true };
-        let is_kept = self.state.compensation.on.is_none() || self.state.compensation.number == Some(number);
-        if is_kept {
-            self.state.compensation.number = Some(number);
+        match self.state.compensation.on {
+            Some(on) if self.state.compensation.number != Some(number) => {
+                let span = self.block.word_span(&word);
+                self.compensation_refused(span, &format!("another offset, D{number},"), on.line);
+            }
+            _ => self.state.compensation.number = Some(number),
         }
-        is_kept
+        true
     }
 
     /// The tool offset of this number, if it has a radius.
@@ -307,6 +311,20 @@ impl Execution<'_> {
             (Group::Motion, meaning) => !matches!(meaning, Meaning::Rapid | Meaning::Linear | Meaning::Arc { .. }),
             _ => false,
         }
+    }
+
+    /// Refuses a cycle on a contour, whose further blocks are followed silently; whether there is one. Its code has been reported
+    /// where it stands in this block.
+    pub(super) fn is_cycle_on_contour(&mut self, what: &'static str) -> bool {
+        let Some(on) = self.state.compensation.on else { return false };
+        let span = self.block.span();
+        // FANUC controls switch on in the order of the block, behind the check of its codes.
+        let starts_here = on.line == span.line && self.settings.dialect != DialectName::LinuxCnc;
+        if self.code(Group::Motion).is_none() || starts_here {
+            self.compensation_refused(span, what, on.line);
+        }
+        self.state.motion = Motion::Unclear;
+        true
     }
 
     #[cold]

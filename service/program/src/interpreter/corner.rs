@@ -2,6 +2,8 @@
 
 pub(super) mod geometry;
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use super::execute::Execution;
@@ -14,7 +16,7 @@ use crate::{
     ArcGeometry, Axis, Feed, Finding, FindingLog, Move, MoveKind, Operation, OperationKind, Plane, Position, SourceSpan,
 };
 
-use geometry::{Joint, Segment};
+use geometry::{Joint, Misfit, Segment};
 
 /// What is put between two moves.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -98,6 +100,7 @@ impl Execution<'_> {
             self.findings.push_with(code::CORNER, |code| {
                 Finding::new(code, span, "the size of a chamfer or a rounding must be positive")
                     .with_value("size", size_mm, "mm")
+                    .suggest("write its size without a sign, or remove it")
             });
             return None;
         }
@@ -126,6 +129,7 @@ impl Execution<'_> {
         for word in [b'C', b'R', b'A'].into_iter().filter_map(|letter| block.comma_word(letter)) {
             self.findings.push_with(code::CORNER, |code| {
                 Finding::new(code, block.word_span(word), "a word with a comma belongs to a move with G1, G2 or G3")
+                    .suggest("write it in the block of the move before the corner")
             });
         }
     }
@@ -181,17 +185,67 @@ pub(super) fn interrupted(
     findings: &mut FindingLog,
 ) {
     if let Some(pending) = &state.corner {
-        refuse(&pending.corner, by.line, "no move follows in the next block", findings);
+        refuse(&pending.corner, by.line, Refusal::of("no move follows in the next block", MOVE_AT_ONCE), findings);
     }
     release(state, operations);
 }
 
+const MOVE_AT_ONCE: &str = "let a move with G1, G2 or G3 in the plane follow at once";
+
+/// Why a corner cannot be made, and what would help.
+struct Refusal {
+    message: &'static str,
+    cure: Cow<'static, str>,
+}
+
+impl Refusal {
+    const fn of(message: &'static str, cure: &'static str) -> Self {
+        Self { message, cure: Cow::Borrowed(cure) }
+    }
+
+    fn of_size(misfit: Misfit, kind: CornerKind, first: &Segment, last: &Segment) -> Self {
+        const OTHER: &str = "write the corner as blocks with G1, G2 or G3, or leave it away";
+        let fits = |size: f64| kind.with_size(size).between(first, last).is_ok_and(|joint| joint.is_some());
+        let largest_mm = match misfit {
+            Misfit::TurnsBack => None,
+            Misfit::TooLarge | Misfit::NoCircle | Misfit::TooLargeForArc => {
+                geometry::largest_that_fits(fits, kind.size_mm())
+            }
+        };
+        let cure = largest_mm.map_or(Cow::Borrowed(OTHER), |mm| format!("write at most {mm} mm").into());
+        Self { message: misfit.message(), cure }
+    }
+}
+
+impl CornerKind {
+    const fn size_mm(self) -> f64 {
+        match self {
+            Self::Chamfer(size_mm) | Self::Round(size_mm) => size_mm,
+        }
+    }
+
+    const fn with_size(self, size_mm: f64) -> Self {
+        match self {
+            Self::Chamfer(_) => Self::Chamfer(size_mm),
+            Self::Round(_) => Self::Round(size_mm),
+        }
+    }
+
+    /// What it puts between two parts of the path; nothing where they are tangent.
+    fn between(self, first: &Segment, last: &Segment) -> Result<Option<Joint>, Misfit> {
+        match self {
+            Self::Chamfer(size_mm) => geometry::chamfer(first, last, size_mm),
+            Self::Round(radius_mm) => geometry::rounding(first, last, radius_mm),
+        }
+    }
+}
+
 #[cold]
-fn refuse(corner: &Corner, next_line: u32, message: &str, findings: &mut FindingLog) {
+fn refuse(corner: &Corner, next_line: u32, Refusal { message, cure }: Refusal, findings: &mut FindingLog) {
     findings.push_with(code::CORNER, |code| {
         Finding::new(code, corner.span, format!("the corner cannot be made: {message}"))
             .with_value("next_line", f64::from(next_line), "")
-            .suggest("let a move with G1, G2 or G3 in the plane follow at once, long enough for the corner")
+            .suggest(cure)
     });
 }
 
@@ -200,7 +254,7 @@ fn close(pending: PendingCorner, next: &mut Operation, operations: &mut Vec<Oper
     let PendingCorner { mut held, corner } = pending;
     let line = next.span.line;
     match joined(&held, &corner, next) {
-        Err(message) => refuse(&corner, line, message, findings),
+        Err(refusal) => refuse(&corner, line, refusal, findings),
         Ok(None) => {}
         Ok(Some(parts)) => {
             let span = held.span;
@@ -218,16 +272,22 @@ fn close(pending: PendingCorner, next: &mut Operation, operations: &mut Vec<Oper
 }
 
 /// Whether a corner can be between two moves: both are lines or arcs in its plane, and the second goes where its sign says.
-fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), &'static str> {
+fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), Refusal> {
     let is_curve = |step: &Move| step.kind == MoveKind::Cutting && step.spline.is_none();
     if !is_curve(first) || !is_curve(last) {
-        return Err("what follows is no move with G1, G2 or G3");
+        return Err(Refusal::of("what follows is no move with G1, G2 or G3", MOVE_AT_ONCE));
     }
     if first.end != last.start || first.work_offset != last.work_offset {
-        return Err("the coordinates change behind it");
+        return Err(Refusal::of(
+            "the coordinates change behind it",
+            "change the coordinates before the corner's first move or behind its second",
+        ));
     }
     if matches!(first.feed, Feed::InverseTime(_)) {
-        return Err("under inverse time the corner has no time of its own");
+        return Err(Refusal::of(
+            "under inverse time the corner has no time of its own",
+            "select a feed per minute or per revolution before it",
+        ));
     }
     let (along, across) = corner.plane.axes();
     let outside = |step: &Move| {
@@ -240,41 +300,50 @@ fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), &'stati
         Axis::ALL.iter().any(rotary)
     };
     if turns(first) || turns(last) {
-        return Err(
-            "A, B or C moves as an axis; if A and C are words of the drawing here, language.plain_drawing_words of \
-                    the machine profile says so",
-        );
+        return Err(Refusal::of(
+            "A, B or C moves as an axis",
+            "turn the axis in a block of its own; if A and C are words of the drawing here, set \
+             language.plain_drawing_words of the machine profile",
+        ));
     }
     if outside(first) || outside(last) {
-        return Err("a move leaves the plane");
+        return Err(Refusal::of(
+            "a move leaves the plane",
+            "move the other axes in a block before the corner or behind it",
+        ));
     }
     if let Some((axis, positive)) = corner.direction {
         let travel = last.end[axis.index()] - last.start[axis.index()];
         let other = if axis == along { across } else { along };
         let is_straight = last.arc.is_none() && last.end[other.index()] == last.start[other.index()];
         if !is_straight || travel == 0.0 || (travel > 0.0) != positive {
-            return Err("its sign is not the direction of the next move, which must be at right angles");
+            return Err(Refusal::of(
+                "its sign is not the direction of the next move, which must be at right angles",
+                "write the sign of the next move, or the corner as blocks with G1, G2 or G3",
+            ));
         }
     }
     Ok(())
 }
 
 /// The three moves instead of two; nothing where the moves are tangent, so that there is no corner.
-fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<Box<[Move; 3]>>, &'static str> {
+fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<Box<[Move; 3]>>, Refusal> {
     let (OperationKind::Move(first), OperationKind::Move(last)) = (&held.kind, &next.kind) else {
         return Err(match next.kind {
-            OperationKind::Compensation(_) => "the next block switches the radius compensation on or off",
-            _ => "what follows is no move",
+            OperationKind::Compensation(_) => Refusal::of(
+                "the next block switches the radius compensation on or off",
+                "let a move of the contour follow at once, and switch the compensation behind it",
+            ),
+            _ => Refusal::of("what follows is no move", MOVE_AT_ONCE),
         });
     };
     check_sides(first, last, corner)?;
     let (along, across) = corner.plane.axes();
     let point = |position: &Position| [position[along.index()], position[across.index()]];
     let segment = |step: &Move| Segment::new(point(&step.start), point(&step.end), step.arc.as_ref());
-    let joint = match corner.kind {
-        CornerKind::Chamfer(size) => geometry::chamfer(&segment(first), &segment(last), size)?,
-        CornerKind::Round(radius) => geometry::rounding(&segment(first), &segment(last), radius)?,
-    };
+    let (before, behind) = (segment(first), segment(last));
+    let joint = corner.kind.between(&before, &behind);
+    let joint = joint.map_err(|misfit| Refusal::of_size(misfit, corner.kind, &before, &behind))?;
     let Some(Joint { from, to, arc }) = joint else { return Ok(None) };
     let placed = |point: [f64; 2]| {
         let mut position = first.end;

@@ -4,7 +4,7 @@
 use super::execute::Execution;
 use super::motion::Frame;
 use crate::code;
-use crate::dialect::{FeedUnit, Group, Meaning, OtherReading, letter_bit};
+use crate::dialect::{Group, Meaning, OtherReading, letter_bit};
 use crate::state::Motion;
 use crate::{Finding, GCodeSystem, SourceSpan};
 
@@ -39,7 +39,6 @@ impl Execution<'_> {
         let meaning = |group| self.code(group).map(|(meaning, _)| meaning);
         // System A has none of these.
         let not_a = meaning(Group::Distance) == Some(Meaning::Distance { absolute: false })
-            || matches!(meaning(Group::FeedUnit), Some(Meaning::Feed(FeedUnit::InverseTime)))
             || self.code_number(Group::FeedUnit) == Some(950);
         // In system C the units have other codes, and G50 sets no speed.
         let has_axes = self.block.letters & self.table.axis_letters != 0;

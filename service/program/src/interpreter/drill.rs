@@ -181,10 +181,10 @@ impl Execution<'_> {
             self.leave_cycle();
             return self.not_permitted(self.block.span(), "a drilling cycle");
         }
-        if let Some(on) = self.state.compensation.on {
+        if self.is_cycle_on_contour("a drilling cycle") {
             self.used |= WORDS;
             self.state.position = self.target(axes, Frame::Work);
-            return self.compensation_refused(self.block.span(), "a drilling cycle", on.line);
+            return self.leave_cycle();
         }
         if self.state.tool_control.mode == ToolMode::Plane && self.refuse_rotary_words(axes & ROTARY_LETTERS) {
             self.used |= WORDS | axes;

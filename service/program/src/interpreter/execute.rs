@@ -391,6 +391,7 @@ impl Execution<'_> {
         {
             self.state.plane = plane;
             self.state.spline_exit = None;
+            self.state.turning.plane_reported = false;
         }
         self.path_modes();
         self.work_system();
@@ -437,7 +438,7 @@ impl Execution<'_> {
         if unused == 0 || self.block.unclear {
             return;
         }
-        if unused & letter_bit(b'D') != 0 && self.keeps_offset_number() {
+        if unused & letter_bit(b'D') != 0 && self.takes_offset_number() {
             unused &= !letter_bit(b'D');
         }
         while unused != 0 {

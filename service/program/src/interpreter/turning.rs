@@ -79,6 +79,9 @@ impl Execution<'_> {
                 _ => None,
             };
             self.used = u32::MAX;
+            if core::mem::replace(&mut self.state.turning.plane_reported, true) {
+                return;
+            }
             return self.turning_finding(
                 code::TURNING_FORM,
                 "a turning cycle needs the plane of Z and X",

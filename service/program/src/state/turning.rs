@@ -62,4 +62,6 @@ pub(crate) struct TurningModes {
     pub(crate) groove_return_mm: Option<f64>,
     /// Settings whose default has been reported: escape, return, chamfer of threads.
     pub(crate) default_reported: [bool; 3],
+    /// That the plane in force has no turning cycles has been reported.
+    pub(crate) plane_reported: bool,
 }

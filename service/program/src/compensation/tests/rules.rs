@@ -371,7 +371,8 @@ fn d_names_radius_and_wear_of_a_mill() {
     assert!(!findings.has_errors(), "{:?}", findings.findings());
     assert_xy(&operations, &expected);
     assert_eq!(with("G43 H2 D7\nG41 G1 X0 Y-10 F100\nY20\nG40 X-20"), [""; 0]);
-    assert_eq!(with("G41 D7 G1 X0 Y-10 F100\nY20 D1\nG40 X-20"), ["PRG-WORD-UNUSED"]);
+    assert_eq!(with("G41 D7 G1 X0 Y-10 F100\nY20 D1\nG40 X-20"), ["PRG-COMP-BLOCK"]);
+    assert_eq!(with("G41 D7 G1 X0 Y-10 F100\nY20\nD1\nX30\nG40 X-20"), ["PRG-COMP-BLOCK"]);
     assert_eq!(with("G0 X-20 D1.5"), ["PRG-NUMBER-NOT-WHOLE"]);
     assert_eq!(codes(&with_tools(LanguageSettings::linuxcnc(), "G0 X-20 D7").1, Severity::Error), ["PRG-WORD-UNUSED"]);
 }

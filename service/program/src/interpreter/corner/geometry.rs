@@ -16,6 +16,30 @@ pub(in crate::interpreter) struct Segment {
     sweep: f64,
 }
 
+/// Why nothing can be put between two segments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::interpreter) enum Misfit {
+    /// One of them is shorter than its part of it.
+    TooLarge,
+    /// No circle of the radius touches both.
+    NoCircle,
+    /// The circle does not fit into the arc beside it.
+    TooLargeForArc,
+    TurnsBack,
+}
+
+impl Misfit {
+    /// In messages.
+    pub(in crate::interpreter) const fn message(self) -> &'static str {
+        match self {
+            Self::TooLarge => "it is larger than one of its moves",
+            Self::NoCircle => "no circle of this radius touches both moves",
+            Self::TooLargeForArc => "its radius is too large for the arc beside it",
+            Self::TurnsBack => "the path turns back on itself",
+        }
+    }
+}
+
 /// What is put between two segments.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::interpreter) struct Joint {
@@ -64,11 +88,7 @@ impl Segment {
 }
 
 /// The chamfer whose ends are this far from the corner; nothing between tangent segments.
-pub(in crate::interpreter) fn chamfer(
-    first: &Segment,
-    next: &Segment,
-    size: f64,
-) -> Result<Option<Joint>, &'static str> {
+pub(in crate::interpreter) fn chamfer(first: &Segment, next: &Segment, size: f64) -> Result<Option<Joint>, Misfit> {
     if turn(first, next)?.is_none() {
         return Ok(None);
     }
@@ -79,11 +99,7 @@ pub(in crate::interpreter) fn chamfer(
 }
 
 /// The arc of this radius that is tangent to both; nothing between tangent segments.
-pub(in crate::interpreter) fn rounding(
-    first: &Segment,
-    next: &Segment,
-    radius: f64,
-) -> Result<Option<Joint>, &'static str> {
+pub(in crate::interpreter) fn rounding(first: &Segment, next: &Segment, radius: f64) -> Result<Option<Joint>, Misfit> {
     let Some(left) = turn(first, next)? else { return Ok(None) };
     let corner = first.end;
     let offsets = [offset(first, corner, radius, left)?, offset(next, corner, radius, left)?];
@@ -92,12 +108,24 @@ pub(in crate::interpreter) fn rounding(
         .into_iter()
         .flatten()
         .min_by(|one, other| length(minus(*one, corner)).total_cmp(&length(minus(*other, corner))));
-    let center = nearest.ok_or("no circle of this radius touches both moves")?;
+    let center = nearest.ok_or(Misfit::NoCircle)?;
     let (from, to) = (touching(first, center), touching(next, center));
     if !first.contains(from) || !next.contains(to) {
-        return Err("it is larger than one of its moves");
+        return Err(Misfit::TooLarge);
     }
     Ok(Some(Joint { from, to, arc: Some((center, !left)) }))
+}
+
+/// The largest size, in steps of 0.1 µm, below one that does not fit; `None` where none does.
+pub(in crate::interpreter) fn largest_that_fits(fits: impl Fn(f64) -> bool, size: f64) -> Option<f64> {
+    const STEPS_PER_MM: f64 = 1e4;
+    let (mut least, mut most) = (0.0, size);
+    for _ in 0..64 {
+        let middle = 0.5 * (least + most);
+        (least, most) = if fits(middle) { (middle, most) } else { (least, middle) };
+    }
+    let size = libm::floor(least * STEPS_PER_MM) / STEPS_PER_MM;
+    (size > 0.0 && fits(size)).then_some(size)
 }
 
 /// Signed angle from one point to the other about a centre, rad: a full turn where they are the same.
@@ -112,17 +140,17 @@ pub(in crate::interpreter) fn sweep(from: [f64; 2], to: [f64; 2], center: [f64; 
 }
 
 /// Whether the path turns left at the corner; nothing where it goes straight on.
-fn turn(first: &Segment, next: &Segment) -> Result<Option<bool>, &'static str> {
+fn turn(first: &Segment, next: &Segment) -> Result<Option<bool>, Misfit> {
     let (before, after) = (first.direction(first.end), next.direction(next.start));
     let sine = cross(before, after);
     if sine.abs() > NOTHING {
         return Ok(Some(sine > 0.0));
     }
-    if dot(before, after) > 0.0 { Ok(None) } else { Err("the path turns back on itself") }
+    if dot(before, after) > 0.0 { Ok(None) } else { Err(Misfit::TurnsBack) }
 }
 
 /// The point of a segment at a straight distance from its end (or its start).
-fn at_distance(segment: &Segment, corner: [f64; 2], distance: f64, at_end: bool) -> Result<[f64; 2], &'static str> {
+fn at_distance(segment: &Segment, corner: [f64; 2], distance: f64, at_end: bool) -> Result<[f64; 2], Misfit> {
     let point = match segment.arc {
         None => {
             let [x, y] = segment.direction(corner);
@@ -132,7 +160,7 @@ fn at_distance(segment: &Segment, corner: [f64; 2], distance: f64, at_end: bool)
         Some((center, clockwise)) => {
             let radius = length(minus(corner, center));
             if distance > 2.0 * radius {
-                return Err("it is larger than one of its moves");
+                return Err(Misfit::TooLarge);
             }
             let angle = 2.0 * libm::asin(distance / (2.0 * radius));
             // Back along the arc from its end, forth from its start.
@@ -141,7 +169,7 @@ fn at_distance(segment: &Segment, corner: [f64; 2], distance: f64, at_end: bool)
             [center[0] + x * cosine - y * sine, center[1] + x * sine + y * cosine]
         }
     };
-    if segment.contains(point) { Ok(point) } else { Err("it is larger than one of its moves") }
+    if segment.contains(point) { Ok(point) } else { Err(Misfit::TooLarge) }
 }
 
 /// A line (point and direction) or a circle (centre and radius).
@@ -151,7 +179,7 @@ enum Curve {
 }
 
 /// Where the centres of circles of this radius are that touch a segment on its left or right.
-fn offset(segment: &Segment, corner: [f64; 2], radius: f64, left: bool) -> Result<Curve, &'static str> {
+fn offset(segment: &Segment, corner: [f64; 2], radius: f64, left: bool) -> Result<Curve, Misfit> {
     let side = if left { radius } else { -radius };
     match segment.arc {
         None => {
@@ -161,11 +189,7 @@ fn offset(segment: &Segment, corner: [f64; 2], radius: f64, left: bool) -> Resul
         Some((center, clockwise)) => {
             let inward = if clockwise { -side } else { side };
             let own = length(minus(corner, center)) - inward;
-            if own <= NOTHING {
-                Err("its radius is too large for the arc beside it")
-            } else {
-                Ok(Curve::Circle(center, own))
-            }
+            if own <= NOTHING { Err(Misfit::TooLargeForArc) } else { Ok(Curve::Circle(center, own)) }
         }
     }
 }

@@ -237,6 +237,29 @@ proptest! {
         }
     }
 
+    /// A corner that is too large is made when it is written as large as the cure says, and not where it is larger by a micrometre.
+    #[test]
+    fn the_largest_size_of_a_corner_fits(
+        turn in 5.0..170.0_f64, size in 1.0..80.0_f64, rounds: bool, lengths in [1.0..20.0_f64, 1.0..20.0_f64], arc: bool,
+    ) {
+        let (sine, cosine) = turn.to_radians().sin_cos();
+        let [x, end_x, end_y] = [lengths[0], lengths[0] + lengths[1] * cosine, lengths[1] * sine];
+        let word = if rounds { 'R' } else { 'C' };
+        let next = if arc { format!("G3 X{end_x} Y{end_y} R{}", lengths[1]) } else { format!("X{end_x} Y{end_y}") };
+        let found = |size: f64| {
+            let (_, findings) = interpret(format!("F100 G1 X{x} ,{word}{size}\n{next}\nM30").as_bytes(), mill());
+            findings.findings().iter().find(|it| it.code == code::CORNER).map(|it| it.suggestions[0].message.clone())
+        };
+        let cure = found(size);
+        prop_assume!(cure.is_some());
+        let largest = cure.as_deref().and_then(|cure| cure.strip_prefix("write at most ")?.strip_suffix(" mm"));
+        prop_assume!(largest.is_some());
+        let largest: f64 = largest.unwrap_or_default().parse().expect("a number");
+        prop_assert!(largest < size);
+        prop_assert_eq!(found(largest), None);
+        prop_assert!(arc || found(largest + 1e-3).is_some());
+    }
+
     /// Each corner is waited for by one move at most, whatever the program, and no move is lost or torn.
     #[test]
     fn paths_with_corners_are_continuous(sizes in proptest::collection::vec((0..3_u8, 0.1..4.0_f64), 2..20)) {

@@ -53,6 +53,8 @@ fn what_every_control_reads_alike_is_read() {
     // G91 and G95 are not of system A, so that what follows is not written in it.
     after_go("G91 X-2.\nG90 X45.", "rapid X25 Z2 -> X24 Z2\nrapid X24 Z2 -> X22.5 Z2");
     after_go("G95\nG90 X45.", "rapid X25 Z2 -> X22.5 Z2");
+    // G93 says nothing about the system: newer controls have it in each.
+    after_go("G93\nG90 X45.", "! 4:1+3 PRG-CODE-AMBIGUOUS");
     // Mills and LinuxCNC have no such cycles.
     for settings in [mill(), linuxcnc()] {
         check(

@@ -223,9 +223,7 @@ fn a_program_with_strange_lines_is_read_on() {
         "G0 X1\n#100=5\nIF [#100 EQ 6] GOTO 10\nTHIS IS TEXT\nX2\nG65 P9100 A5. R1.",
         "rapid 0 -> X1
          rapid X1 -> X2
-         ! 4:1+4 PRG-TEXT
-         ! 4:6+2 PRG-TEXT
-         ! 4:9+4 PRG-TEXT
+         ! 4:1+12 PRG-TEXT
          ! 6:1+17 PRG-SUBPROGRAM-MISSING",
     );
 }

@@ -189,7 +189,7 @@ fn return_to_the_reference_position() {
 fn feed_modes() {
     check(
         &lathe(),
-        "M3 S500 G1 Z1 F.2\nG98 Z2 F100\nZ3\nG99 Z4 F.1\nG93 Z5 F4\nG94 Z6 F200",
+        "M3 S500 G1 Z1 F.2\nG98 Z2 F100\nZ3\nG99 Z4 F.1\nG93 Z5 F4\nG94 G1 Z6 F200",
         "spindle cw 500
          line 0 -> Z1 @0.2/rev
          line Z1 -> Z2 @100/min

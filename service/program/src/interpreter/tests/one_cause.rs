@@ -76,3 +76,30 @@ fn a_hole_in_one_cut_needs_no_retract_of_the_profile() {
     assert!(codes("G83 Z-20. R-3. F0.1").is_empty());
     assert!(codes("G83 Z-20. R-3. Q5000 F0.1").contains(&"PRG-CYCLE-DEFAULT".to_owned()));
 }
+
+#[test]
+fn a_cycle_on_a_contour_is_refused_where_its_code_is() {
+    let before = "M3 S1000\nG0 X-20 Y-20 Z5\nG41 D1 G1 X0 Y-10 F100\nY20";
+    for cycle in ["G81 X30 Z-3 R2 F50\nX40\nX50", "G81 X30 Z-3 R2 F50\nX40\nG80\nG1 X60 Y20"] {
+        let program = format!("{before}\n{cycle}\nG40 G1 X80 Y-10\nM30\n");
+        let interpreter = Interpreter::new(mill()).with_tools(vec![ToolOffset::new(1).with_radius(3.0)]);
+        let (_, findings) = interpreter.read_all(program.as_bytes());
+        let errors = findings.findings().iter().filter(|finding| finding.severity == Severity::Error);
+        let errors: Vec<_> = errors.map(|finding| (finding.code.name(), finding.span.line)).collect();
+        assert_eq!(errors, [("PRG-COMP-BLOCK", 5)], "{program}");
+    }
+}
+
+#[test]
+fn the_plane_of_turning_cycles_is_missing_once() {
+    let settings = LanguageSettings { g_code_system: Some(GCodeSystem::A), ..lathe() };
+    let cycles = "G90 X40. Z-10. F0.2\nX38.\nG0 X50.\nG74 R1.\nG74 Z-10. Q5000 F0.1\nG94 X30. Z-1.";
+    one(&settings, &format!("S1000 M3\nG17\nG0 X50. Z2.\n{cycles}"), "PRG-TURNING-FORM", "select it before, G18");
+}
+
+#[test]
+fn a_text_is_one() {
+    one(&mill(), "G0 X1\nremove the old part", "PRG-TEXT", "write comments in ( )");
+    one(&mill(), "G0 X1 remove the old part\nG0 X2", "PRG-TEXT", "write comments in ( )");
+    assert_eq!(found(&mill(), "GO XY\nG0 X1").len(), 2);
+}

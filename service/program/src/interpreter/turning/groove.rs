@@ -102,8 +102,7 @@ impl Execution<'_> {
         let along_z = self.turning_length(steps[1], "step_along_z", &DEPTHS_MM, read);
         let relief = self.turning_length(relief_letter, "relief", &LENGTHS_MM, read_relief);
         let (end, _) = self.turning_end()?;
-        if let Some(on) = self.state.compensation.on {
-            self.compensation_refused(self.block.span(), "a grooving cycle", on.line);
+        if self.is_cycle_on_contour("a grooving cycle") {
             return None;
         }
         let feed = self.cutting_feed(0);

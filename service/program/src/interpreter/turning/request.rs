@@ -96,10 +96,8 @@ impl Execution<'_> {
             );
         }
         let finishes = cycle == TurningCycle::Finish;
-        if let Some(on) = self.state.compensation.on
-            && !finishes
-        {
-            return self.compensation_refused(self.block.span(), "a roughing cycle", on.line);
+        if !finishes && self.is_cycle_on_contour("a roughing cycle") {
+            return;
         }
         let needs_feed = job != Some(Job::Finish);
         let feed = if needs_feed { self.cutting_feed(0) } else { None };

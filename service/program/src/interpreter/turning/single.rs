@@ -49,8 +49,8 @@ impl Execution<'_> {
         if let Some(Some(taper_mm)) = taper {
             self.state.turning.taper_mm = taper_mm;
         }
-        if let Some(on) = self.state.compensation.on {
-            return self.compensation_refused(self.block.span(), "a turning cycle", on.line);
+        if self.is_cycle_on_contour("a turning cycle") {
+            return;
         }
         let feed = self.cutting_feed(axes);
         if let (Some(_), Some(feed)) = (taper, feed) {

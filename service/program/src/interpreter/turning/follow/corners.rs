@@ -2,7 +2,7 @@
 //! and the next one, tangent to both, `C` the chord of that arc.
 
 use super::super::super::Interpreter;
-use super::super::super::corner::geometry::{self, Joint, Segment};
+use super::super::super::corner::geometry::{self, Joint, Misfit, Segment};
 use super::super::super::corner::{Corner, CornerKind};
 use super::super::contour::Piece;
 use super::{ContourRun, Stage, Whereabouts};
@@ -88,7 +88,7 @@ fn joined(first: &Curve, corner: &Corner, next: &Curve) -> Result<[Curve; 3], &'
     }
     let (CornerKind::Round(radius_mm) | CornerKind::Chamfer(radius_mm)) = corner.kind;
     let line = |curve: &Curve| Segment::new(curve.from, curve.to, None);
-    let joint = geometry::rounding(&line(first), &line(next), radius_mm)?;
+    let joint = geometry::rounding(&line(first), &line(next), radius_mm).map_err(Misfit::message)?;
     let Some(Joint { from, to, arc: Some((center, clockwise)) }) = joint else {
         return Err("the next line goes straight on");
     };
