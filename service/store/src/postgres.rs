@@ -299,10 +299,17 @@ impl PostgresStore {
         let value = match silence.answered(limit, work(&mut transaction)).await {
             Ok(value) => value,
             Err(error) => {
-                if Remedy::of(&error) != Remedy::Reconnect {
-                    let undone = async { Ok(transaction.rollback().await?) };
-                    if silence.answered(TRIVIAL, undone).await.is_ok() {
-                        lent.answered();
+                match Remedy::of(&error) {
+                    Remedy::Reconnect => {}
+                    Remedy::Renounce => {
+                        drop(transaction);
+                        lent.renounce();
+                    }
+                    Remedy::None | Remedy::Again => {
+                        let undone = async { Ok(transaction.rollback().await?) };
+                        if silence.answered(TRIVIAL, undone).await.is_ok() {
+                            lent.answered();
+                        }
                     }
                 }
                 return Err(before(error));

@@ -29,7 +29,9 @@ impl StoreArgs {
 
 /// Arguments of `feedwave check`.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_long_help = "Exit codes: 0 everything is as it was written, 1 something is not, 2 it cannot be read.")]
+#[command(
+    after_long_help = "Exit codes: 0 everything is as it was written, 1 something is not, 2 it cannot be read, 78 its URI is none."
+)]
 pub struct CheckArgs {
     #[command(flatten)]
     store: StoreArgs,
@@ -71,7 +73,7 @@ pub struct RestoreArgs {
 
 /// Arguments of `feedwave migrate`.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_long_help = "Exit codes: 0 up to date, 2 it cannot be brought there.")]
+#[command(after_long_help = "Exit codes: 0 up to date, 2 it cannot be brought there, 78 its URI is none.")]
 pub struct MigrateArgs {
     #[command(flatten)]
     store: StoreArgs,

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use sqlx::PgConnection;
-use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
+use sqlx::postgres::{PgListener, PgPoolOptions};
 use tokio::sync::{Notify, oneshot};
 use tokio::task::JoinHandle;
 
@@ -79,7 +79,7 @@ const fn answered((decision, event, now_us): (i64, i64, i64)) -> (Newest, i64) {
 /// The clock of the database, and the newest numbers of its logs.
 pub(super) async fn ask_first(options: &PostgresOptions) -> Result<(Clock, Newest)> {
     let silence = Silence::new();
-    let mut connection = connected(&options.bounded()?, options.connect_timeout, &silence).await?;
+    let mut connection = connected(&options.bounded(), options.connect_timeout, &silence).await?;
     let begun = Instant::now();
     let (newest, now_us) = silence.answered(options.answer_limit(), ask(&mut connection)).await?;
     close(connection).await;
@@ -157,7 +157,7 @@ async fn listen(shared: Arc<Shared>, heard: Arc<Notify>, mut ended: oneshot::Rec
 async fn hear(shared: &Shared, heard: &Notify) -> Result<()> {
     // Of its own: a connection that fell silent may keep its place in a pool for good.
     let options = PgPoolOptions::new().max_connections(1).acquire_timeout(shared.away);
-    let pool = options.connect_lazy_with(PgConnectOptions::clone(&shared.options));
+    let pool = options.connect_lazy_with(shared.target.connect_options().await?);
     let mut listener = PgListener::connect_with(&pool).await?;
     listener.ignore_pool_close_event(true);
     let listened = async { Ok(listener.listen_all([CHANNEL, PRESENCES]).await?) };
@@ -186,7 +186,7 @@ async fn hear(shared: &Shared, heard: &Notify) -> Result<()> {
 async fn size(shared: Arc<Shared>, database_bytes: Arc<AtomicU64>, mut ended: oneshot::Receiver<()>) {
     loop {
         let sized = async {
-            let mut connection = connected(&shared.options, shared.away, &shared.silence).await?;
+            let mut connection = connected(&shared.target, shared.away, &shared.silence).await?;
             let asked = async {
                 let size = sqlx::query_scalar::<_, i64>("SELECT pg_database_size(CURRENT_DATABASE())");
                 Ok(size.fetch_one(&mut connection).await?)
@@ -271,7 +271,7 @@ impl Follower {
         let shared = self.shared.clone();
         let mut connection = match self.connection.take() {
             Some(connection) => connection,
-            None => connected(&shared.options, shared.away, &shared.silence).await?,
+            None => connected(&shared.target, shared.away, &shared.silence).await?,
         };
         let begun = Instant::now();
         // Who writes without a pause rings without a pause, and is to see what others write as soon as who writes nothing.

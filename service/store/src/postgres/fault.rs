@@ -37,6 +37,8 @@ pub(super) enum Remedy {
     Again,
     /// There is no connection: do it again with another one.
     Reconnect,
+    /// Nothing but telling; what comes later needs other connections, as a session keeps what is wrong with it.
+    Renounce,
 }
 
 impl Remedy {
@@ -59,6 +61,8 @@ impl Remedy {
             "40001" | "40P01" => Self::Again,
             "25P03" | "53300" | "57P01" | "57P02" | "57P03" | "57P05" => Self::Reconnect,
             _ if code.starts_with("08") => Self::Reconnect,
+            // Of a server that takes writes again, as of one that was a standby, a session goes on to be read-only.
+            "25006" => Self::Renounce,
             _ => Self::None,
         }
     }
@@ -80,6 +84,7 @@ mod tests {
             ("57014", Remedy::None),
             ("53100", Remedy::None),
             ("28P01", Remedy::None),
+            ("25006", Remedy::Renounce),
         ] {
             assert_eq!(Remedy::of_code(code), remedy, "{code}");
         }

@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use sqlx::postgres::PgConnectOptions;
 use sqlx::{AssertSqlSafe, Connection as _, PgConnection};
 use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
@@ -17,6 +16,7 @@ use super::PostgresOptions;
 use super::clock::Clock;
 use super::fault::Remedy;
 use super::open::connected;
+use super::options::Target;
 use super::pool::{TRIED_AFTER, close};
 use super::retry::{Failure, Patience};
 use super::silence::{Silence, TRIVIAL};
@@ -147,7 +147,7 @@ pub(super) struct Shared {
     /// Names this process among all that ever had the database.
     pub(super) replica: String,
     observer: Arc<dyn Observer>,
-    pub(super) options: PgConnectOptions,
+    pub(super) target: Target,
     /// How long the server may be away.
     pub(super) away: Duration,
     /// How long an answer may take.
@@ -173,7 +173,7 @@ impl Shared {
             ring: Notify::new(),
             silence,
             observer: settings.observer.clone(),
-            options: options.bounded()?,
+            target: options.bounded(),
             away: options.connect_timeout,
             limit: options.answer_limit(),
         })
@@ -421,7 +421,7 @@ impl Task {
                 Err(error) => tracing::debug!(%error, lane = self.name, "a connection is given up"),
             }
         }
-        let mut connection = connected(&self.shared.options, self.shared.away, silence).await?;
+        let mut connection = connected(&self.shared.target, self.shared.away, silence).await?;
         silence.answered(self.shared.limit, begin(&mut connection)).await?;
         Ok(connection)
     }

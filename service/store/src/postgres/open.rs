@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use sqlx::migrate::Migrator;
-use sqlx::postgres::{PgConnectOptions, PgDatabaseError};
+use sqlx::postgres::PgDatabaseError;
 use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection};
 
 use super::PostgresOptions;
+use super::options::Target;
 use super::retry::{Failure, Patience};
 use super::silence::Silence;
 use crate::error::{Result, StoreError};
@@ -70,14 +71,14 @@ pub(super) async fn connect_unchanged(options: &PostgresOptions) -> Result<PgCon
 
 /// Connects, as long as the server may be away.
 pub(super) async fn connect(options: &PostgresOptions, database: &str) -> Result<PgConnection> {
-    connected(&options.connect_options(database)?, options.connect_timeout, &Silence::new()).await
+    connected(&options.target(database), options.connect_timeout, &Silence::new()).await
 }
 
 /// As [`connect`], where the server may be `away` for so long.
-pub(super) async fn connected(target: &PgConnectOptions, away: Duration, silence: &Silence) -> Result<PgConnection> {
+pub(super) async fn connected(target: &Target, away: Duration, silence: &Silence) -> Result<PgConnection> {
     let mut patience = Patience::new(away);
     loop {
-        let connecting = async { Ok(target.connect().await?) };
+        let connecting = async { Ok(target.connect_options().await?.connect().await?) };
         match silence.answered(away, connecting).await {
             Ok(connection) => return Ok(connection),
             Err(error) => patience.again(Failure::Before(error)).await?,
@@ -143,7 +144,9 @@ fn is_code(error: &StoreError, code: &str) -> bool {
 
 /// What the server refuses at the door will not be granted by waiting.
 fn cannot_open(error: StoreError) -> StoreError {
-    let refused = ["28000", "28P01", "3D000", "42501"].iter().any(|code| is_code(&error, code));
+    let is_of_file =
+        matches!(&error, StoreError::Unavailable { source: Some(source), .. } if source.is::<std::io::Error>());
+    let refused = is_of_file || ["28000", "28P01", "3D000", "42501"].iter().any(|code| is_code(&error, code));
     match error {
         StoreError::Unavailable { reason, source } if refused => StoreError::CannotOpen { reason, source },
         other => other,

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::net::IpAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use percent_encoding::percent_decode_str;
@@ -41,7 +42,7 @@ pub(crate) struct PostgresOptions {
     certificate: Option<PathBuf>,
     key: Option<PathBuf>,
     application_name: String,
-    /// Most connections for reads and single writes; four more write the logs and follow them.
+    /// Most connections for reads and single writes; seven more write the logs and follow them.
     pub(super) connections: u32,
     /// How long to wait for the server or for a free connection, also while the server restarts.
     pub(super) connect_timeout: Duration,
@@ -189,10 +190,7 @@ impl PostgresOptions {
     }
 
     /// How to connect to a database of the server. Everything about a session is said as it begins.
-    ///
-    /// # Errors
-    /// `CannotOpen` if the file with the password cannot be read.
-    pub(super) fn connect_options(&self, database: &str) -> Result<PgConnectOptions> {
+    pub(super) fn target(&self, database: &str) -> Target {
         let mut options = PgConnectOptions::new_without_pgpass()
             .host(self.host.trim_start_matches('[').trim_end_matches(']'))
             .port(self.port)
@@ -201,8 +199,8 @@ impl PostgresOptions {
             .ssl_mode(self.encryption.mode())
             .application_name(&self.application_name)
             .disable_statement_logging();
-        if let Some(password) = self.password()? {
-            options = options.password(&password);
+        if let Some(password) = &self.password {
+            options = options.password(password);
         }
         if let Some(certificate) = &self.root_certificate {
             options = options.ssl_root_cert(certificate);
@@ -210,35 +208,52 @@ impl PostgresOptions {
         if let (Some(certificate), Some(key)) = (&self.certificate, &self.key) {
             options = options.ssl_client_cert(certificate).ssl_client_key(key);
         }
-        Ok(options)
+        Target { options, password_file: self.password_file.clone() }
     }
 
-    /// As [`PostgresOptions::connect_options`], with bounds on what a session may take. A replica that is cut off in the
+    /// As [`PostgresOptions::target`], with bounds on what a session may take. A replica that is cut off in the
     /// middle of a transaction must not hold its locks for long.
-    pub(super) fn bounded(&self) -> Result<PgConnectOptions> {
+    pub(super) fn bounded(&self) -> Target {
         let statement_ms = self.statement_timeout.as_millis();
-        Ok(self.connect_options(&self.database)?.options([
+        let Target { options, password_file } = self.target(&self.database);
+        let options = options.options([
             ("default_transaction_isolation", "read committed".to_owned()),
             ("statement_timeout", format!("{statement_ms}ms")),
             ("idle_in_transaction_session_timeout", format!("{}ms", IDLE_IN_TRANSACTION.as_millis())),
             ("tcp_keepalives_idle", "10".to_owned()),
             ("tcp_keepalives_interval", "2".to_owned()),
             ("tcp_keepalives_count", "3".to_owned()),
-        ]))
+        ]);
+        Target { options, password_file }
     }
 
     /// How long an answer of the server may take: longer than it lets itself take.
     pub(super) fn answer_limit(&self) -> Duration {
         self.statement_timeout + self.connect_timeout
     }
+}
 
-    fn password(&self) -> Result<Option<String>> {
-        let Some(file) = &self.password_file else { return Ok(self.password.clone()) };
-        let text = std::fs::read_to_string(file).map_err(|error| StoreError::CannotOpen {
+/// What one connects to.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    options: PgConnectOptions,
+    /// Read for each connection: passwords change while the service runs.
+    password_file: Option<PathBuf>,
+}
+
+impl Target {
+    /// How to connect to it now.
+    ///
+    /// # Errors
+    /// `Unavailable` with the error of the file if the one with the password cannot be read.
+    pub(super) async fn connect_options(&self) -> Result<PgConnectOptions> {
+        let options = self.options.clone();
+        let Some(file) = &self.password_file else { return Ok(options) };
+        let text = tokio::fs::read_to_string(file).await.map_err(|error| StoreError::Unavailable {
             reason: "the file of its password cannot be read",
-            source: Some(std::sync::Arc::new(error)),
+            source: Some(Arc::new(error)),
         })?;
-        Ok(Some(text.trim_end_matches(['\r', '\n']).to_owned()))
+        Ok(options.password(text.trim_end_matches(['\r', '\n'])))
     }
 }
 
@@ -253,4 +268,24 @@ pub(crate) fn without_password(url: &Url) -> String {
         let _ = url.set_password(Some("***"));
     }
     url.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn the_file_of_the_password_is_read_for_each_connection() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("password");
+        let url = format!("postgres://feedwave@db/feedwave?password_file={}", file.display());
+        let target = PostgresOptions::from_url(&url.parse().unwrap()).unwrap().bounded();
+        let missing = target.connect_options().await.unwrap_err();
+        assert!(matches!(missing, StoreError::Unavailable { source: Some(_), .. }), "{missing:?}");
+        for password in ["one", "two"] {
+            std::fs::write(&file, format!("{password}\n")).unwrap();
+            let url = target.connect_options().await.unwrap().to_url_lossy();
+            assert_eq!(url.password(), Some(password));
+        }
+    }
 }

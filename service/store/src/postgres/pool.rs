@@ -11,12 +11,13 @@ use std::time::{Duration, Instant};
 use futures_util::future::BoxFuture;
 use futures_util::stream::BoxStream;
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
-use sqlx::postgres::{PgConnectOptions, PgQueryResult, PgRow, PgStatement, PgTypeInfo};
+use sqlx::postgres::{PgQueryResult, PgRow, PgStatement, PgTypeInfo};
 use sqlx::{Connection as _, Describe, Either, Execute, Executor, PgConnection, Postgres, SqlStr};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::PostgresOptions;
 use super::open::connected;
+use super::options::Target;
 use super::silence::{Silence, TRIVIAL};
 use crate::error::{Result, StoreError};
 use crate::settings::Observer;
@@ -35,7 +36,7 @@ pub(super) struct Pool {
 }
 
 struct Inner {
-    target: PgConnectOptions,
+    target: Target,
     connections: u32,
     /// How long to wait for the server or for a free connection.
     patience: Duration,
@@ -46,6 +47,8 @@ struct Inner {
     closed: AtomicBool,
     /// What waits to be used, the last one used last.
     idle: Mutex<Vec<Idle>>,
+    /// Connections that were made before are given up.
+    renounced: Mutex<Option<Instant>>,
 }
 
 struct Idle {
@@ -62,7 +65,7 @@ impl Pool {
     pub(super) fn new(options: &PostgresOptions, connections: u32, silence: Silence) -> Result<Self> {
         Ok(Self {
             inner: Arc::new(Inner {
-                target: options.bounded()?,
+                target: options.bounded(),
                 connections,
                 patience: options.connect_timeout,
                 limit: options.answer_limit(),
@@ -70,6 +73,7 @@ impl Pool {
                 turns: Arc::new(Semaphore::new(connections as usize)),
                 closed: AtomicBool::new(false),
                 idle: Mutex::default(),
+                renounced: Mutex::default(),
             }),
         })
     }
@@ -127,7 +131,7 @@ impl Inner {
             let next = self.idle().pop();
             let Some(Idle { mut connection, made, used }) = next else { break };
             // Those that were used last before another one fell silent are not even tried.
-            if self.silence.since(used) || used.elapsed() >= IDLE_AT_MOST {
+            if self.is_renounced(made) || self.silence.since(used) || used.elapsed() >= IDLE_AT_MOST {
                 continue;
             }
             if used.elapsed() < TRIED_AFTER {
@@ -141,8 +145,13 @@ impl Inner {
         Ok((connected(&self.target, self.patience, &self.silence).await?, Instant::now()))
     }
 
+    fn is_renounced(&self, made: Instant) -> bool {
+        // Only whole values are put in.
+        self.renounced.lock().unwrap_or_else(PoisonError::into_inner).is_some_and(|renounced| made <= renounced)
+    }
+
     fn take_back(&self, connection: PgConnection, made: Instant) {
-        if self.closed.load(Ordering::Acquire) || made.elapsed() >= AGE_AT_MOST {
+        if self.closed.load(Ordering::Acquire) || self.is_renounced(made) || made.elapsed() >= AGE_AT_MOST {
             return;
         }
         let mut idle = self.idle();
@@ -176,6 +185,12 @@ impl Lent {
             return Err(StoreError::unavailable("its connection failed"));
         }
         self.connection.as_mut().ok_or_else(|| StoreError::unavailable("its connection failed"))
+    }
+
+    /// All connections that were made up to now are given up as they come back or are needed, this one among them: what is wrong
+    /// with their sessions may stay so.
+    pub(super) fn renounce(&self) {
+        *self.pool.renounced.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
     }
 
     /// Everything asked was answered: the connection can serve others.

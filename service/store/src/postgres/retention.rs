@@ -8,6 +8,9 @@ use crate::error::Result;
 use crate::sql::check::Parameter;
 use crate::sql::retention::RetentionSteps;
 
+/// Decisions whose bytes are counted by one statement: well within its time.
+const DECISIONS: i64 = 500_000;
+
 #[async_trait]
 impl RetentionSteps for PostgresStore {
     async fn number(&self, sql: String, parameter: i64) -> Result<i64> {
@@ -49,11 +52,29 @@ impl RetentionSteps for PostgresStore {
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM job_checkpoints)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM run_checkpoints)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0) FROM recorded_cuts)
-                + (SELECT COALESCE(SUM(OCTET_LENGTH(monitor)), 0) FROM runs)
-                + (SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0) FROM decisions))::BIGINT",
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(monitor)), 0) FROM runs))::BIGINT",
         )
         .fetch_one(&mut self.reader().await?)
         .await?;
+        Ok(bytes.unsigned_abs() + self.bytes_of_decisions().await?)
+    }
+
+    async fn bytes_of_job(&self, id: &str) -> Result<u64> {
+        let sql = "WITH own (id) AS (SELECT id FROM runs WHERE job_id = $1),
+                used (content_id) AS (SELECT content_id FROM programs AS p
+                    WHERE (p.id IN (SELECT program_id FROM jobs WHERE id = $1) OR p.id IN (SELECT program_id FROM job_programs WHERE job_id = $1))
+                    AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = p.id AND id <> $1)
+                    AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = p.id AND job_id <> $1))
+            SELECT ((SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0) FROM program_chunks WHERE content_id IN (SELECT content_id FROM used))
+                + (SELECT COALESCE(SUM(size_bytes), 0) FROM objects WHERE content_id IN (SELECT content_id FROM used))
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(settings) + OCTET_LENGTH(machine_snapshot)), 0) FROM jobs WHERE id = $1)
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(report)), 0) FROM validation_reports WHERE job_id = $1)
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM job_checkpoints WHERE job_id = $1)
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(snapshot)), 0) FROM run_checkpoints WHERE run_id IN (SELECT id FROM own))
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0) FROM recorded_cuts WHERE run_id IN (SELECT id FROM own))
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(monitor)), 0) FROM runs WHERE job_id = $1)
+                + (SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0) FROM decisions WHERE job_id = $1))::BIGINT";
+        let bytes: i64 = sqlx::query_scalar(sql).bind(id).fetch_one(&mut self.reader().await?).await?;
         Ok(bytes.unsigned_abs())
     }
 
@@ -71,5 +92,20 @@ impl RetentionSteps for PostgresStore {
 
     async fn give_back(&self) -> Result<()> {
         Ok(())
+    }
+}
+
+impl PostgresStore {
+    /// Bytes of all decisions, which may be more than can be read within the time of one statement.
+    async fn bytes_of_decisions(&self) -> Result<u64> {
+        let (mut bytes, mut after) = (0, 0);
+        loop {
+            let sql = "SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0)::BIGINT, MAX(sequence) FROM
+                (SELECT body, sequence FROM decisions WHERE sequence > $1 ORDER BY sequence LIMIT $2) AS part";
+            let (part, last): (i64, Option<i64>) =
+                sqlx::query_as(sql).bind(after).bind(DECISIONS).fetch_one(&mut self.reader().await?).await?;
+            let Some(last) = last else { return Ok(bytes) };
+            (bytes, after) = (bytes + part.unsigned_abs(), last);
+        }
     }
 }

@@ -55,7 +55,7 @@ impl Patience {
             }
         };
         match remedy {
-            Remedy::None => return Err(error),
+            Remedy::None | Remedy::Renounce => return Err(error),
             Remedy::Again if self.conflicts == MOST_CONFLICTS => return Err(error),
             Remedy::Again => self.conflicts += 1,
             // However long a connection took to be found silent, a new one may work.

@@ -60,6 +60,12 @@ pub(crate) trait RetentionSteps: ObjectSteps + Jobs + Programs {
     /// Bytes of what is kept.
     async fn bytes_in_use(&self) -> Result<u64>;
 
+    /// Bytes of these that go with a job and, where no other one uses them, its programs; more than there can be where asking for all
+    /// anew costs no more.
+    async fn bytes_of_job(&self, _id: &str) -> Result<u64> {
+        Ok(u64::MAX)
+    }
+
     /// Bytes among these that no job goes to make room for: of unfinished programs, of those made since a time that no job
     /// uses yet, and of logs that have bounds of their own.
     async fn bytes_set_aside(&self, since_us: i64) -> Result<u64>;
@@ -145,16 +151,29 @@ pub(crate) trait RetentionSteps: ObjectSteps + Jobs + Programs {
         }
     }
 
-    /// Removes the oldest job that may go, with the programs that no other one uses: whatever their age, theirs has come.
-    async fn remove_oldest_job(&self, removed: &mut Removed) -> Result<bool> {
+    /// Removes the oldest job that may go, with the programs that no other one uses: whatever their age, theirs has come. Bytes that go
+    /// with them, at most.
+    async fn remove_oldest_job(&self, removed: &mut Removed) -> Result<Option<u64>> {
         let sql = format!("SELECT j.id {JOBS} ORDER BY j.sequence LIMIT 1");
-        let Some(job) = self.ids(sql, Parameter::Integer(i64::MAX)).await?.pop() else { return Ok(false) };
+        let Some(job) = self.ids(sql, Parameter::Integer(i64::MAX)).await?.pop() else { return Ok(None) };
+        let bytes = self.bytes_of_job(&job).await?;
         let used = "SELECT program_id AS id FROM jobs WHERE id = $1
             UNION SELECT program_id FROM job_programs WHERE job_id = $1";
         let used = self.ids(used.to_owned(), Parameter::Text(&job)).await?;
         removed.jobs += u64::from(self.remove_job(&job).await?);
         for program in &used {
             removed.programs += u64::from(self.remove_program(program).await?);
+        }
+        Ok(Some(bytes))
+    }
+
+    /// Removes the oldest jobs until so many bytes may have gone with them; whether there was one.
+    async fn remove_oldest_jobs(&self, bytes: u64, removed: &mut Removed) -> Result<bool> {
+        let mut gone = 0_u64;
+        while gone < bytes {
+            let Some(bytes) = self.remove_oldest_job(removed).await? else { return Ok(gone > 0) };
+            // Of a job without a byte too: it is gone.
+            gone = gone.saturating_add(bytes.max(1));
         }
         Ok(true)
     }
@@ -167,8 +186,12 @@ pub(crate) trait RetentionSteps: ObjectSteps + Jobs + Programs {
         }
         removed.programs += self.remove_programs(self.cutoff(UNUSED)).await?;
         let most = bytes.saturating_add(self.bytes_set_aside(self.cutoff(UNUSED)).await?);
-        while self.bytes_in_use().await? > most && self.remove_oldest_job(removed).await? {}
-        Ok(())
+        loop {
+            let beyond = self.bytes_in_use().await?.saturating_sub(most);
+            if beyond == 0 || !self.remove_oldest_jobs(beyond, removed).await? {
+                return Ok(());
+            }
+        }
     }
 }
 

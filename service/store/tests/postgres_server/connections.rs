@@ -91,3 +91,38 @@ async fn a_replica_that_is_cut_off_is_not_ready_until_it_is_there_again() {
     store.create_job(new_job("r", id)).await.unwrap();
     timeout(SOON, store.close()).await.expect("it is closed soon");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn a_server_that_was_read_only_is_written_to_again() {
+    let place = Place::new();
+    let store = place.open().await;
+    let put = async |number: u32| store.put_program(Tenant::DEFAULT, format!("N{number}\nM30\n").into()).await;
+    // For whoever connects from now on: sessions go on as they began.
+    place
+        .execute(
+            "DO $$ BEGIN EXECUTE format('ALTER DATABASE %I SET default_transaction_read_only = on', current_database()); END $$",
+        )
+        .await;
+    place
+        .execute(
+            "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()",
+        )
+        .await;
+    let refused = async { while put(1).await.is_ok() {} };
+    timeout(SOON, refused).await.expect("nothing is written");
+    // Several sessions that are read-only wait in the pool.
+    let refused = futures_util::future::join_all((2..10).map(put)).await;
+    assert!(refused.iter().all(|written| matches!(written, Err(StoreError::Unavailable { .. }))), "{refused:?}");
+    let mut raw = place.raw().await;
+    for sql in [
+        "SET default_transaction_read_only = off",
+        "DO $$ BEGIN EXECUTE format('ALTER DATABASE %I RESET default_transaction_read_only', current_database()); END $$",
+    ] {
+        sqlx::query(sql).execute(&mut raw).await.unwrap();
+    }
+    // One write may find how it was.
+    let _ = put(10).await;
+    put(11).await.unwrap();
+    timeout(SOON, store.ping()).await.expect("an answer").unwrap();
+}
