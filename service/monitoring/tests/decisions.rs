@@ -103,6 +103,13 @@ fn turning_follows_the_angle_and_keeps_the_feed_per_revolution() {
     let outcome = decide(&bound);
     assert_eq!((outcome.reason, outcome.spindle_bound), (Reason::FeedAboveLimit, Some(Bound::Upper)));
     assert_eq!(outcome.after, Overrides { feed: 0.95, spindle: 1.2 });
+    // It lowers the feed there, and does not raise it.
+    bound.evidence = Evidence::Process(Properties { max_deviation: 0.001, mean_angle: Some((-0.6, 1.0)), line: None });
+    let outcome = decide(&bound);
+    assert_eq!((outcome.action, outcome.reason), (Action::Keep, Reason::AngleBelowLimit));
+    assert_eq!((outcome.after, outcome.spindle_bound), (bound.before, Some(Bound::Upper)));
+    bound.evidence = Evidence::Process(Properties { max_deviation: 0.001, mean_angle: Some((0.0, 1.0)), line: None });
+    assert_eq!(decide(&bound).reason, Reason::FeedBelowLimit);
 }
 
 #[test]

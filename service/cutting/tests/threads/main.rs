@@ -262,6 +262,27 @@ fn a_thread_without_vibration_is_judged_with_an_assumed_work_diameter() {
 }
 
 #[test]
+fn threads_without_vibration_are_accepted_wherever_the_work_lies() {
+    let cut = |passes: &[f64]| {
+        let passes: Vec<String> = passes.iter().map(|x| format!("G0 X{x} Z5\nG32 Z-30 F2\nG0 Z5")).collect();
+        let report = accepted(&format!("G97 S600 M3\n{}\nM30\n", passes.join("\n")), &lathe());
+        let [section] = <[_; 1]>::try_from(report.threads).expect("one thread");
+        assert!(section.work_diameter_assumed);
+        let depths = section.job.passes.iter().map(|pass| pass.depth_mm).collect::<Vec<_>>();
+        (section.job.geometry.side, section.job.geometry.work_mm, depths)
+    };
+    for passes in [&[19.3][..], &[19.3, 18.9, 18.6], &[20.0, 20.4, 20.7]] {
+        let mirrored: Vec<f64> = passes.iter().map(|x| -x).collect();
+        assert_eq!(cut(&mirrored), cut(passes), "{passes:?}");
+    }
+    // The tool is on the axis, as a tap is.
+    for passes in [&[0.0][..], &[0.0, 0.2], &[0.1, -0.1], &[-0.2]] {
+        let (_, work_mm, depths) = cut(passes);
+        assert!(depths.iter().all(|depth| (0.0..work_mm).contains(depth)), "{passes:?}: {work_mm} {depths:?}");
+    }
+}
+
+#[test]
 fn conditions_are_refused_before_anything_moves() {
     let program =
         |pass: &str| format!("G97 S600 M3\nG0 X14 Z100\nG165 P3 X10 Q1.2\nG0 X8\n{pass}\nG0 X14\nG165 P0\nM30\n");

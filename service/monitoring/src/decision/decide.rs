@@ -10,7 +10,7 @@ use crate::rules::{Bounds, EscalationAction, Fallback, Property, Rules, SpindleR
 ///
 /// Stop wins; then bad data and threads hold; then a feed that is held stays so; then a property that stays above its
 /// limit at the lower feed bound escalates; then the spindle rule, which scales the feed so that the feed per edge
-/// stays; the feed rule only when the spindle rule changes nothing.
+/// stays; the feed rule only when the spindle rule changes nothing, and no larger feed where it wants a speed beyond its bounds.
 pub fn decide(inputs: &Inputs) -> Outcome {
     let outcome = |action, reason| Outcome {
         action,
@@ -150,10 +150,11 @@ fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Re
         Ok(wanted) => wanted,
         Err(reason) => return outcome(Action::Hold, reason),
     };
-    let mut spindle_bound = None;
+    let (mut spindle_bound, mut beyond_bound) = (None, None);
     if let Some((wanted, reason)) = wanted {
         let spindle;
         (spindle, spindle_bound) = bounded(wanted, rules.spindle_bounds);
+        beyond_bound = spindle_bound.filter(|_| spindle == inputs.before.spindle).map(|_| reason);
         let SpindlePlan { planned, request, refused } = inputs.spindle;
         // Until a planned change is in force, and where it was refused, the feed rule goes on alone.
         let waits = (planned && request.is_some()) || refused == Some(spindle);
@@ -167,6 +168,10 @@ fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Re
         }
     }
     let (factor, reason) = if value < rules.feed.lower {
+        if let Some(reason) = beyond_bound {
+            // What the spindle would mend is still there: a smaller feed relieves it, a larger one does not.
+            return Outcome { spindle_bound, ..outcome(Action::Keep, reason) };
+        }
         (1.0 + rules.feed.step, Reason::FeedBelowLimit)
     } else if value > rules.feed.upper {
         (1.0 - rules.feed.step, Reason::FeedAboveLimit)

@@ -275,13 +275,17 @@ fn drives(frame: Option<&PlaneFrame>, lead_axis: LeadAxis, inputs: &ThreadInputs
 }
 
 /// Side and work diameter of a thread whose passes are all that is known: the first infeed is taken to be the largest of
-/// the later ones.
+/// the later ones. A thread on the other side of the axis is the mirror image of one on this side. Where the tool is on the axis, as a
+/// tap in the spindle of a mill may be, X says nothing of the work: its radius is taken to be a lead larger than the deepest pass.
 fn assume_work(job: &mut ThreadJob) {
+    let is_around_axis = job.geometry.lead_axis == LeadAxis::Z;
+    if is_around_axis && job.geometry.work_mm < 0.0 {
+        (job.geometry.work_mm, job.geometry.taper) = (-job.geometry.work_mm, -job.geometry.taper);
+        turn_over(&mut job.passes);
+    }
     if job.passes.last().is_some_and(|last| last.depth_mm < 0.0) {
         job.geometry.side = ThreadSide::Internal;
-        for pass in &mut job.passes {
-            pass.depth_mm = -pass.depth_mm;
-        }
+        turn_over(&mut job.passes);
     }
     let later_mm = (1..job.passes.len()).map(|index| job.infeed_mm(index)).fold(0.0, f64::max);
     let first_mm = if later_mm > SAME { later_mm } else { ASSUMED_DEPTH * job.geometry.lead_mm };
@@ -289,4 +293,15 @@ fn assume_work(job: &mut ThreadJob) {
         pass.depth_mm += first_mm;
     }
     job.geometry.work_mm += job.geometry.inwards() * first_mm;
+    let deepest_mm = job.passes.iter().map(|pass| pass.depth_mm).fold(0.0, f64::max);
+    if is_around_axis && job.geometry.work_mm <= deepest_mm {
+        job.geometry.work_mm = deepest_mm + job.geometry.lead_mm;
+    }
+}
+
+/// Counts depths in the other direction.
+fn turn_over(passes: &mut [ThreadPass]) {
+    for pass in passes {
+        pass.depth_mm = -pass.depth_mm;
+    }
 }

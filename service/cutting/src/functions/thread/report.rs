@@ -120,7 +120,7 @@ pub struct ThreadSectionReport {
     /// Ratio of amplitude to infeed, where the vibration is on.
     pub ratio: Option<f64>,
     /// Whether the work's diameter is assumed: no word states it without vibration. The first infeed is then taken to be
-    /// the largest of the later ones.
+    /// the largest of the later ones. A thread on the other side of the axis is told as its mirror image.
     pub work_diameter_assumed: bool,
     /// The thread as it is cut.
     pub job: ThreadJob,
