@@ -183,6 +183,26 @@ impl Finding {
         }
     }
 
+    /// Whether it is the same occurrence, whatever was counted since.
+    fn is_same_occurrence(&self, other: &Self) -> bool {
+        (self.code, self.severity, self.span) == (other.code, other.severity, other.span)
+            && self.message == other.message
+            && self.suggestions == other.suggestions
+    }
+
+    /// Says `now` instead, where this occurrence is told; what was counted stays.
+    pub fn retell(&mut self, told: &Self, now: &Self) {
+        if self.is_same_occurrence(told) {
+            let (first, related) = (self.first.take(), core::mem::take(&mut self.related));
+            *self = Self { first, related, occurrences: self.occurrences, ..now.clone() };
+        }
+    }
+
+    /// Takes the text to write from every cure: something else depends on the word as well.
+    pub fn replace_nothing(&mut self) {
+        self.suggestions.iter_mut().for_each(|suggestion| suggestion.replacement = None);
+    }
+
     /// Names the calls that led to its place, innermost first.
     pub(crate) fn called_from(&mut self, calls: impl Iterator<Item = SourceSpan>) {
         let call = |span| RelatedPlace { message: "called from here".into(), span, is_call: true };

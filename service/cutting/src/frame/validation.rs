@@ -167,6 +167,10 @@ impl Validation {
             report_findings(&report, &config.profile.thinning, &mut pipeline.findings);
         }
         let thinning = pipeline.thinning_report();
+        if let Some(analysis) = &mut pipeline.builder.analysis {
+            analysis.functions.vibration.settle_cures(&mut pipeline.findings);
+            analysis.functions.threads.settle_cures(&mut pipeline.findings);
+        }
         let findings = std::mem::take(&mut pipeline.findings);
         let analysis = pipeline.builder.analysis.take().unwrap_or_default();
         let refused = findings.has_errors();

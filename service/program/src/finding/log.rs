@@ -176,6 +176,18 @@ impl FindingLog {
         findings.into_iter().filter(|finding| !is_void(finding)).for_each(|finding| self.push(finding));
     }
 
+    /// Whether this occurrence is the one that is told of its finding: message, numbers and cures are its.
+    #[must_use]
+    pub fn tells(&self, finding: &Finding) -> bool {
+        let place = self.known.get(&identity(finding)).copied().flatten();
+        place.is_some_and(|place| self.findings[place as usize].is_same_occurrence(finding))
+    }
+
+    /// Changes the findings that are kept, which may make them occurrences of others.
+    pub fn revise(&mut self, change: impl Fn(&mut Finding)) {
+        self.change_since(FindingMark { kept: 0, known: 0, ..self.mark() }, change);
+    }
+
     fn knows_more(&self) -> bool {
         self.order.len() < self.limit.saturating_mul(KNOWN_PER_KEPT)
     }
@@ -361,6 +373,31 @@ mod tests {
         passes.into_findings().into_iter().for_each(|finding| log.push(finding));
         let [found] = log.findings() else { panic!("{:?}", log.findings()) };
         assert_eq!((found.occurrences, &found.first, &found.worst), (5, &occurrence(9), &occurrence(4)));
+    }
+
+    #[test]
+    fn an_occurrence_that_is_told_is_retold_and_what_was_counted_stays() {
+        let at = |column| SourceSpan { column, ..G76 };
+        let told = short(2, 5.0);
+        let elsewhere = Finding { span: at(3), ..short(9, 4.0) };
+        let mut log = FindingLog::with_limit(3);
+        for finding in [short(1, 1.0), told.clone(), short(3, 2.0), elsewhere.clone(), Finding::new(B, G76, "other")] {
+            log.push(finding);
+        }
+        (0..5).for_each(|column| log.push(Finding::new(B, at(column), "not kept")));
+        assert!(log.tells(&told) && log.tells(&elsewhere) && !log.tells(&short(1, 1.0)));
+        let cured = short(2, 5.0).suggest("begin earlier");
+        let here = Finding { span: G76, ..elsewhere.clone() };
+        log.revise(|finding| {
+            finding.retell(&told, &cured);
+            finding.retell(&elsewhere, &here);
+        });
+        let [short, other] = log.findings() else { panic!("{:#?}", log.findings()) };
+        assert_eq!((&short.suggestions, short.occurrences), (&cured.suggestions, 4));
+        assert_eq!((&short.first, &short.worst), (&occurrence(1), &occurrence(2)));
+        assert_eq!((other.message.as_str(), log.count(Severity::Error), log.dropped()), ("other", 7, 5));
+        log.push(cured.clone());
+        assert!(log.tells(&cured) && log.findings()[0].occurrences == 5);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 
 use feedwave_program::FindingLog;
 
+use super::governed::GovernedSections;
 use super::{SectionAnalyzer, SectionReport, SectionSamples};
 use crate::shared::listed::Listed;
 
@@ -20,6 +21,7 @@ pub(crate) struct VibrationAnalysis {
     /// Feed override in force; `None` before the first change.
     feed_override: Option<f64>,
     pub(crate) sections: Listed<SectionReport>,
+    governed: GovernedSections,
 }
 
 impl VibrationAnalysis {
@@ -32,7 +34,8 @@ impl VibrationAnalysis {
     pub(crate) fn finish_section(&mut self, samples: SectionSamples, findings: &mut FindingLog) {
         self.is_cut(f64::INFINITY);
         if let Some(analyzer) = self.awaiting.pop_front() {
-            let report = analyzer.finish(samples.clamped, samples.total, findings);
+            let evidence = analyzer.into_evidence(samples.clamped, samples.total);
+            let report = self.governed.judge(evidence, findings);
             self.sections.push(report, MAX_SECTION_REPORTS);
         }
     }
@@ -61,5 +64,10 @@ impl VibrationAnalysis {
         while !self.awaiting.is_empty() {
             self.finish_section(SectionSamples::default(), findings);
         }
+    }
+
+    /// The program has been read: cures are those of all sections that a word governs.
+    pub(crate) fn settle_cures(&mut self, findings: &mut FindingLog) {
+        core::mem::take(&mut self.governed).settle_cures(findings);
     }
 }

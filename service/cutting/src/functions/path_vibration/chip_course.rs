@@ -13,7 +13,7 @@ use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, SurfaceSpeed
 use super::chip_blend::{BlendTally, LongestPart, Parts, reached_share};
 use super::chips::{ChipBlock, ChipStretches};
 use super::report::{BlendReport, FEW_JUNCTIONS_SHARE};
-use super::trial::TrialCuts;
+use super::trial_cuts::TrialCuts;
 use super::{OverrideReport, VibrationCondition, VibrationSettings};
 
 /// A piece that ends this little beyond the place of a change ends there, mm: rounding of path lengths.
@@ -389,9 +389,9 @@ impl ChipCourse {
     /// The verdict on a section of `length_mm`; what still waits is judged at the programmed feed.
     pub(super) fn finish(mut self, length_mm: f64) -> ChipVerdict {
         self.parts.close(length_mm);
-        self.trial.is_divided(self.parts.longest());
         self.known_mm = f64::INFINITY;
         self.is_cut(f64::INFINITY, 1.0);
+        self.trial.is_divided(self.parts.longest());
         let permitted = self.permitted_report(length_mm);
         let Tallied { broken_share, worst, surface_speed, blend, chips } = self.cut.finish(&self.parts, length_mm);
         let (spans, spans_not_listed) = chips.into_spans(length_mm);

@@ -16,6 +16,7 @@ use crate::functions::sampling::{FINE_SAMPLES, Sampling, suggest_period};
 use crate::shared::wording::{decimal, round_down, word};
 
 /// Everything known about a section at its end.
+#[derive(Clone, Debug)]
 pub(super) struct Evidence {
     pub(super) report: SectionReport,
     pub(super) on_span: SourceSpan,
@@ -33,13 +34,23 @@ pub(super) struct Evidence {
     pub(super) deciding_axes: Vec<AxisLoadReport>,
     /// Whether a block of the section was refused before it could be judged.
     pub(super) refused: bool,
-    /// What becomes of the section with another vibration.
+    /// What becomes with another vibration of the section, and of others that its words govern.
     pub(super) trial: Trial,
 }
 
 impl Evidence {
     /// Pushes the findings and completes the report.
-    pub(super) fn conclude(mut self, log: &mut FindingLog) -> SectionReport {
+    pub(super) fn conclude(self, log: &mut FindingLog) -> SectionReport {
+        let findings = self.findings();
+        let report = self.report(&findings);
+        for finding in findings {
+            log.push(finding);
+        }
+        report
+    }
+
+    /// What is found, in the same order whatever [`Evidence::trial`] says of other vibrations.
+    pub(super) fn findings(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
         self.sampling(&mut findings);
         self.axes(&mut findings);
@@ -49,17 +60,18 @@ impl Evidence {
         self.published_ends(&mut findings);
         self.chip(&mut findings);
         self.following(&mut findings);
+        findings
+    }
+
+    /// The report of the section with these findings.
+    pub(super) fn report(&self, findings: &[Finding]) -> SectionReport {
         // The steps of a published vibration may be permitted; the axes follow them no better for it.
         let exceeds_at_ends = self.report.published_ends.as_ref().is_some_and(|ends| ends.exceeded.is_some());
-        self.report.feasible = self.report.length_mm > 0.0
+        let feasible = self.report.length_mm > 0.0
             && !self.refused
             && !exceeds_at_ends
             && findings.iter().all(|finding| finding.severity != Severity::Error);
-        self.report.axes = self.deciding_axes;
-        for finding in findings {
-            log.push(finding);
-        }
-        self.report
+        SectionReport { feasible, axes: self.deciding_axes.clone(), ..self.report.clone() }
     }
 
     pub(super) fn condition(&self) -> VibrationCondition {
@@ -172,14 +184,14 @@ impl Evidence {
         let finding = Finding::new(load.code(&AXIS_CODES), self.amplitude_span(), message).at("line", line.into());
         let mut finding = load.with_numbers(finding, axis.to_owned());
         let follows = |tried: Tried| self.trial.axis_refusal(tried).is_none();
-        let amplitude_mm = self.report.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0);
+        let amplitude_mm = self.trial.axes.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0);
         if let Some(amplitude_mm) = amplitude_mm.filter(|mm| follows(self.trial.with_amplitude(*mm))) {
             let message =
                 format!("the axes can follow an amplitude of {} mm at this frequency", decimal(amplitude_mm, 4));
             let word = self.amplitude_cure(amplitude_mm);
             finding = finding.suggest_value(message, word, "amplitude", amplitude_mm, "mm");
         }
-        let frequency_hz = self.report.highest_frequency_hz.map(|hz| round_down(hz, 3)).filter(|hz| *hz > 0.0);
+        let frequency_hz = self.trial.axes.highest_frequency_hz.map(|hz| round_down(hz, 3)).filter(|hz| *hz > 0.0);
         if let Some(frequency_hz) = frequency_hz.filter(|hz| follows(self.trial.with_frequency(*hz))) {
             let message = format!("the axes can follow {} Hz at this amplitude", decimal(frequency_hz, 3));
             finding = finding.suggest_value(message, None, "frequency", frequency_hz, "Hz");

@@ -62,6 +62,13 @@ pub(super) struct Arriving {
 }
 
 impl Arriving {
+    /// The path has other directions as well.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.share = self.share.min(other.share);
+        let more: Vec<Axis> = other.axes.iter().copied().filter(|axis| !self.axes.contains(axis)).collect();
+        self.axes.extend(more);
+    }
+
     /// The least share at a frequency: that of the section at its own, at another one that of any direction of the path.
     pub(super) fn share(&self, frequency_hz: f64) -> f64 {
         if frequency_hz == self.frequency_hz {

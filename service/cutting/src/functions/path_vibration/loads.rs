@@ -162,6 +162,33 @@ impl AxisLoads {
         }
     }
 
+    /// Adds the blocks of another section with the same vibration, for [`AxisLoads::objection`].
+    pub(super) fn join(&mut self, other: &Self) {
+        self.least_feed_mm_per_s = self.least_feed_mm_per_s.min(other.least_feed_mm_per_s);
+        self.top_feed_mm_per_s = self.top_feed_mm_per_s.max(other.top_feed_mm_per_s);
+        for (load, other) in self.axes.iter_mut().zip(&other.axes) {
+            load.worst_direction = load.worst_direction.max(other.worst_direction);
+            load.kink = load.kink.max(other.kink);
+        }
+        self.exceeded = self.exceeded.or(other.exceeded);
+        let least = |one: Option<f64>, other: Option<f64>| one.into_iter().chain(other).reduce(f64::min);
+        self.largest_amplitude_mm = least(self.largest_amplitude_mm, other.largest_amplitude_mm);
+        self.highest_frequency_hz = least(self.highest_frequency_hz, other.highest_frequency_hz);
+        other.lines.iter().for_each(|line| self.keep_directions(line.directions, line.feed_mm_per_s));
+        other.curves.iter().for_each(|curve| self.keep_curve(&curve.element, curve.feed_mm_per_s));
+        self.is_incomplete |= other.is_incomplete;
+    }
+
+    /// See [`super::trial::Trial::forget`].
+    pub(super) fn forget(&mut self) {
+        (self.lines, self.curves, self.is_incomplete) = (Vec::new(), Vec::new(), true);
+    }
+
+    /// How many lines and curves are kept.
+    pub(super) fn kept(&self) -> usize {
+        self.lines.len() + self.curves.len()
+    }
+
     fn demand(&self, condition: VibrationCondition) -> VibrationDemand {
         self.settings.demand(condition, self.part_feed_mm_per_s)
     }

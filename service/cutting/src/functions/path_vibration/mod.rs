@@ -15,6 +15,7 @@ mod expand;
 mod findings;
 mod following;
 mod following_findings;
+mod governed;
 mod loads;
 mod report;
 mod robustness;
@@ -24,6 +25,7 @@ mod servo;
 mod state;
 mod superposition;
 mod trial;
+mod trial_cuts;
 mod words;
 
 use core::f64::consts::TAU;

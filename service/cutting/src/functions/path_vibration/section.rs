@@ -280,9 +280,14 @@ impl SectionAnalyzer {
 
     /// Ends the section: pushes one finding for each condition that is not met, and reports. `clamped_samples`
     /// of `total_samples` setpoints were clamped at the section's ends; both are 0 when none were generated.
-    // As long as the report: every figure is one line.
     #[must_use]
-    pub fn finish(mut self, clamped_samples: u64, total_samples: u64, findings: &mut FindingLog) -> SectionReport {
+    pub fn finish(self, clamped_samples: u64, total_samples: u64, findings: &mut FindingLog) -> SectionReport {
+        self.into_evidence(clamped_samples, total_samples).conclude(findings)
+    }
+
+    /// What is known of the section at its end; see [`SectionAnalyzer::finish`].
+    // As long as the report: every figure is one line.
+    pub(super) fn into_evidence(mut self, clamped_samples: u64, total_samples: u64) -> Evidence {
         self.parts.close();
         let VibrationCondition { frequency_hz, amplitude_mm } = self.condition;
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
@@ -373,7 +378,6 @@ impl SectionAnalyzer {
             deciding_axes,
             refused: self.refused,
         }
-        .conclude(findings)
     }
 }
 

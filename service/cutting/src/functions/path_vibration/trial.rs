@@ -1,6 +1,8 @@
 //! What would become of a section with another vibration, or at another spindle speed: the verdict that a program changed so
 //! would be given. A change is suggested only where nothing rules it out.
 //!
+//! Several sections that one word governs are judged together, as one that has the blocks of all ([`Trial::join`]).
+//!
 //! Invariant: memory does not grow with the section. What is kept of it decides as the section itself does, or harder; where
 //! too much of it is different, a change is not suggested.
 
@@ -9,19 +11,12 @@ use std::borrow::Cow;
 
 use feedwave_motion::Quantity;
 
-use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, reaches_through};
-use super::chip_blend::{LongestPart, reached_share, whole_from_mm};
-use super::chip_course::{Following, Piece};
-use super::following::Arriving;
 use super::loads::AxisLoads;
+use super::trial_cuts::TrialCuts;
 use super::{GenerationMode, VibrationCondition, VibrationSettings};
 use crate::functions::sampling::Sampling;
 use crate::shared::wording::{decimal, round_up};
 
-/// Different cuts that are kept of a section at constant spindle speed.
-const MAX_CUTS: usize = 64;
-/// Spans at constant surface speed that are kept of it.
-const MAX_SPANS: usize = 256;
 /// Steps in which a following amplitude that breaks the chip is approached.
 const AMPLITUDE_STEPS: usize = 8;
 /// Smaller amplitudes that are tried, in equal steps.
@@ -103,6 +98,25 @@ pub(super) struct Trial {
 }
 
 impl Trial {
+    /// Adds another section with the same vibration and settings.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.max_rev_per_min = self.max_rev_per_min.min(other.max_rev_per_min);
+        self.curvature = self.curvature.max(other.curvature);
+        self.cuts.join(&other.cuts);
+        self.axes.join(&other.axes);
+    }
+
+    /// Nothing more is known of what the vibration governs than that it may be anything.
+    pub(super) fn forget(&mut self) {
+        self.cuts.forget();
+        self.axes.forget();
+    }
+
+    /// Number of blocks and curves that are kept.
+    pub(super) fn kept(&self) -> usize {
+        self.cuts.kept() + self.axes.kept()
+    }
+
     /// The vibration as programmed but for what a change says.
     pub(super) const fn with_amplitude(&self, amplitude_mm: f64) -> Tried {
         let frequency_hz = self.condition.frequency_hz;
@@ -219,202 +233,5 @@ impl Trial {
         let settings = VibrationSettings { amplitude_follows_feed_up_to: Some(up_to), ..self.settings };
         let following = Self { settings, ..self.clone() };
         following.objection(Tried { condition: self.condition, spindle_rev_per_min: None })
-    }
-}
-
-/// Cuts of a section at the feed overrides that decide: the largest permitted one, or that of the plan where it is larger.
-#[derive(Clone, Debug, Default)]
-pub(super) struct TrialCuts {
-    constant: Vec<TrialCut>,
-    surface: Vec<(LinearSpan, f64)>,
-    /// There are more than are kept.
-    is_incomplete: bool,
-    top_override: f64,
-    /// `None` as published.
-    longest_part: Option<LongestPart>,
-    /// What the drives let through; `None` where nothing is stated of them.
-    arriving: Option<Arriving>,
-}
-
-/// Cuts at one spindle speed and override: the fastest.
-#[derive(Clone, Copy, Debug)]
-struct TrialCut {
-    line: u32,
-    feed: SpanFeed,
-    spindle_rev_per_min: f64,
-    feed_override: f64,
-}
-
-impl TrialCut {
-    /// The cut with another vibration or at another spindle speed, at its override.
-    fn tried(&self, tried: Tried, following: Following) -> CutCondition {
-        let spindle_rev_per_min = tried.spindle_rev_per_min.unwrap_or(self.spindle_rev_per_min);
-        let feed_per_rev_mm = match self.feed {
-            SpanFeed::PerRevolution(mm) => mm,
-            SpanFeed::PerMinute(mm) => mm / spindle_rev_per_min,
-        };
-        CutCondition {
-            feed_per_rev_mm: feed_per_rev_mm * self.feed_override,
-            amplitude_mm: tried.condition.amplitude_mm * following.ratio_at(self.feed_override),
-            frequency_hz: tried.condition.frequency_hz,
-            spindle_rev_per_min,
-            diameter_mm: 0.0,
-            feed_coupling: FeedCoupling::PerRevolution,
-        }
-    }
-}
-
-/// The cut that would be furthest from breaking.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TriedCut {
-    margin: f64,
-    line: u32,
-    feed_override: f64,
-}
-
-impl TrialCuts {
-    /// The longest part of the section between two places without vibration.
-    pub(super) fn is_divided(&mut self, longest_part: Option<LongestPart>) {
-        self.longest_part = longest_part;
-    }
-
-    /// Not all of the amplitude arrives at the tool.
-    pub(super) fn arrive(&mut self, arriving: Arriving) {
-        self.arriving = Some(arriving);
-    }
-
-    /// Share of the amplitude that the drives let through at a frequency.
-    pub(super) fn arriving_share(&self, frequency_hz: f64) -> f64 {
-        self.arriving.as_ref().map_or(1.0, |arriving| arriving.share(frequency_hz))
-    }
-
-    /// Share of the amplitude that the blends let through to the chip.
-    fn reached_share(&self, tried: Tried, settings: &VibrationSettings, cut: &CutCondition) -> f64 {
-        let Some(LongestPart { length_mm, feed_mm_per_s, .. }) = self.longest_part else { return 1.0 };
-        let [_, faster] = tried.spindle_rev_per_min.map_or([1.0; 2], |speed| self.feed_ratios(speed));
-        let Some(ramp_mm) = settings.ramp_mm(tried.condition, feed_mm_per_s * faster) else { return 1.0 };
-        reached_share(length_mm, ramp_mm, cut.feed_per_rev_mm, cut.vibration_mm())
-    }
-
-    /// Length from which on a part of the section lets the whole amplitude through, mm, where that breaks every one of these cuts;
-    /// `None` where it does not, or as published.
-    fn breaking_from_mm(&self, condition: VibrationCondition, settings: &VibrationSettings) -> Option<f64> {
-        let ramp_mm = settings.ramp_mm(condition, self.longest_part?.feed_mm_per_s)?;
-        let (programmed, following) =
-            (Tried { condition, spindle_rev_per_min: None }, Following::of(condition, settings));
-        let is_judged = !self.is_incomplete && self.surface.is_empty();
-        let cuts = self.constant.iter().filter(|_| is_judged).map(|cut| cut.tried(programmed, following));
-        let lengths_mm =
-            cuts.map(|cut| cut.breaks_chip().then(|| whole_from_mm(ramp_mm, cut.feed_per_rev_mm, cut.vibration_mm())));
-        lengths_mm.collect::<Option<Vec<_>>>()?.into_iter().reduce(f64::max)
-    }
-
-    /// Adds a piece at the programmed feed that is cut at an override.
-    pub(super) fn add(&mut self, piece: &Piece, feed_override: f64) {
-        match *piece {
-            Piece::Constant(block) => {
-                let cut = block.cut;
-                let feed = match cut.feed_coupling {
-                    FeedCoupling::PerRevolution => SpanFeed::PerRevolution(cut.feed_per_rev_mm),
-                    FeedCoupling::PerMinute => SpanFeed::PerMinute(cut.feed_per_rev_mm * cut.spindle_rev_per_min),
-                };
-                let (line, spindle_rev_per_min) = (block.line, cut.spindle_rev_per_min);
-                self.add_cut(TrialCut { line, feed, spindle_rev_per_min, feed_override });
-            }
-            Piece::Surface(span) if self.surface.len() < MAX_SPANS => self.surface.push((span, feed_override)),
-            Piece::Surface(_) => self.is_incomplete = true,
-            Piece::Stopped { .. } => return,
-        }
-        self.top_override = self.top_override.max(feed_override);
-    }
-
-    fn add_cut(&mut self, cut: TrialCut) {
-        let is_alike = |kept: &TrialCut| {
-            kept.spindle_rev_per_min == cut.spindle_rev_per_min
-                && kept.feed_override == cut.feed_override
-                && core::mem::discriminant(&kept.feed) == core::mem::discriminant(&cut.feed)
-        };
-        match self.constant.iter().position(is_alike) {
-            Some(index) if value_of(self.constant[index].feed) < value_of(cut.feed) => self.constant[index] = cut,
-            Some(_) => {}
-            None if self.constant.len() < MAX_CUTS => self.constant.push(cut),
-            None => self.is_incomplete = true,
-        }
-    }
-
-    /// Between what ratios of the present ones feeds would be at a spindle speed.
-    fn feed_ratios(&self, spindle_rev_per_min: f64) -> [f64; 2] {
-        let ratios = self.constant.iter().map(|cut| match cut.feed {
-            SpanFeed::PerRevolution(_) => spindle_rev_per_min / cut.spindle_rev_per_min,
-            SpanFeed::PerMinute(_) => 1.0,
-        });
-        ratios.fold([1.0; 2], |[least, largest], ratio| [ratio.min(least), ratio.max(largest)])
-    }
-
-    /// The cut that would be furthest from breaking with what arrives; `None` where nothing is cut, or it is not known.
-    fn worst(&self, tried: Tried, settings: &VibrationSettings) -> Option<TriedCut> {
-        if self.is_incomplete || (tried.spindle_rev_per_min.is_some() && !self.surface.is_empty()) {
-            return None;
-        }
-        let VibrationCondition { frequency_hz, amplitude_mm } = tried.condition;
-        let following = Following::of(tried.condition, settings);
-        let arriving = self.arriving_share(frequency_hz);
-        let constant = self.constant.iter().map(|cut| {
-            let with = cut.tried(tried, following);
-            let margin = arriving * with.breaking_margin() * self.reached_share(tried, settings, &with);
-            TriedCut { margin, line: cut.line, feed_override: cut.feed_override }
-        });
-        let surface = self.surface.iter().filter_map(|&(span, feed_override)| {
-            let with = Piece::Surface(LinearSpan { frequency_hz, amplitude_mm, ..span }).at(feed_override, following);
-            let Piece::Surface(span) = with else { return None };
-            span.worst_cut().map(|(margin, cut)| {
-                let margin = arriving * margin * self.reached_share(tried, settings, &cut);
-                TriedCut { margin, line: span.line, feed_override }
-            })
-        });
-        constant.chain(surface).min_by(|a, b| a.margin.total_cmp(&b.margin))
-    }
-
-    fn objection(&self, tried: Tried, settings: &VibrationSettings) -> Option<Objection> {
-        match self.worst(tried, settings) {
-            None => Some(Objection::Unknown),
-            Some(worst) if reaches_through(worst.margin) => None,
-            Some(TriedCut { line, feed_override, .. }) => Some(Objection::Unbroken { line, feed_override }),
-        }
-    }
-
-    /// Smallest share of its spindle speed within which every cut would stay broken; `None` where it is not known.
-    pub(super) fn spindle_speed_margin(
-        &self,
-        condition: VibrationCondition,
-        settings: &VibrationSettings,
-    ) -> Option<f64> {
-        if self.is_incomplete || !self.surface.is_empty() {
-            return None;
-        }
-        let following = Following::of(condition, settings);
-        let tolerances = self.constant.iter().map(|cut| {
-            let (feed_per_rev_mm, feed_coupling) = match cut.feed {
-                SpanFeed::PerRevolution(mm) => (mm, FeedCoupling::PerRevolution),
-                SpanFeed::PerMinute(mm) => (mm / cut.spindle_rev_per_min, FeedCoupling::PerMinute),
-            };
-            let cut = CutCondition {
-                feed_per_rev_mm: feed_per_rev_mm * cut.feed_override,
-                amplitude_mm: condition.amplitude_mm * following.ratio_at(cut.feed_override),
-                frequency_hz: condition.frequency_hz,
-                spindle_rev_per_min: cut.spindle_rev_per_min,
-                diameter_mm: 0.0,
-                feed_coupling,
-            };
-            cut.spindle_speed_margin()
-                .map_or(0.0, |tolerance| tolerance.closest_rev_per_min() / cut.spindle_rev_per_min)
-        });
-        tolerances.reduce(f64::min)
-    }
-}
-
-const fn value_of(feed: SpanFeed) -> f64 {
-    match feed {
-        SpanFeed::PerRevolution(mm) | SpanFeed::PerMinute(mm) => mm,
     }
 }

@@ -4,6 +4,7 @@
 //! from pass to pass, so that one pass cuts shallow where the pass before cut deep. Everything is a function of
 //! the spindle angle: a generator asks [`ThreadJob::position`], whatever turns the spindle.
 
+mod analysis;
 mod chip;
 pub(crate) mod code;
 mod driven;
@@ -31,6 +32,7 @@ mod tests;
 mod watch;
 mod wave;
 
+pub(crate) use analysis::ThreadAnalysis;
 pub use chip::{ChipLevel, Clearance, ThreadChip};
 pub use follower::{NotAnAngle, ThreadFollower};
 pub use following::{PassFollowing, ThreadDrives, ThreadFollowing};
@@ -48,7 +50,7 @@ pub use report::{
 pub use run_up::RunUp;
 pub use settings::ThreadVibrationSettings;
 pub use state::KeptPass;
-pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass, WantedPass};
+pub(crate) use state::{Pass, ThreadInputs, Threads, WaitingPass, WantedPass};
 pub(crate) use superposition::{ThreadRun, ThreadScratch};
 pub(crate) use tap::{TapRun, straight};
 pub use watch::{REVERSAL_DEG, STANDSTILL_S, SpindleEvent, SpindleWatch};

@@ -9,18 +9,14 @@ use super::code;
 use super::open_thread::OpenThread;
 use super::pass::{PassPath, ThreadBlock, peak_velocity};
 use super::{
-    LeadAxis, MAX_THREAD_PARTS, MAX_THREAD_PASSES, PathVibration, RetreatWave, StartUp, TapRun, ThreadPath, ThreadRun,
-    ThreadSectionReport, ThreadVibrationSettings,
+    LeadAxis, MAX_THREAD_PARTS, MAX_THREAD_PASSES, PathVibration, RetreatWave, StartUp, TapRun, ThreadAnalysis,
+    ThreadPath, ThreadRun, ThreadVibrationSettings,
 };
 use crate::functions::switch::{Modal, Switch};
 use crate::shared::checks::missing;
 use crate::shared::following::FollowingModel;
-use crate::shared::listed::Listed;
 use crate::shared::plane_frame::PlaneFrame;
 use crate::shared::wording::decimal;
-
-/// Reports kept in full; further threads are counted.
-const MAX_THREAD_REPORTS: usize = 100;
 
 /// What a run of the pipeline gives this function.
 #[derive(Clone, Copy, Debug)]
@@ -66,13 +62,6 @@ impl Modal for Mode {
     fn on_span(&self) -> SourceSpan {
         self.on_span
     }
-}
-
-/// The threads of a program, gathered while validating only.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct ThreadAnalysis {
-    pub(crate) reports: Listed<ThreadSectionReport>,
-    pub(crate) passes: u64,
 }
 
 /// A pass whose path is requested.
@@ -340,11 +329,7 @@ impl Threads {
         let Some(open) = self.open.take() else { return };
         self.closed += 1;
         let Some(analysis) = analysis else { return };
-        let report = open.judge(inputs);
-        for finding in &report.report.findings {
-            findings.push(finding.clone());
-        }
-        analysis.reports.push(report, MAX_THREAD_REPORTS);
+        analysis.judged(open.judge(inputs), findings);
     }
 
     /// Carries out a block that switches the vibration of threads; an open thread is closed before.
