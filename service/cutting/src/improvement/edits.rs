@@ -14,7 +14,7 @@ pub(super) struct Edits {
 impl Edits {
     /// Puts something in the place of a word; what it was before, where that is something else.
     pub(super) fn set(&mut self, word: &Word, new: String) -> Option<WordChange> {
-        let place = (word.span.line, word.span.column);
+        let (place, new) = ((word.span.line, word.span.column), word.in_its_case(new));
         let known = self.by_place.remove(&place);
         let old = known.map_or_else(|| word.text.clone(), |change| change.new);
         if new != word.text {

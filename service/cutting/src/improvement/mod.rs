@@ -13,6 +13,7 @@ use feedwave_program::{Place, SourceSpan};
 use crate::{PipelineConfig, SearchGoals, ValidationReport};
 
 mod actions;
+mod again;
 mod edits;
 mod feed;
 mod judged;
@@ -30,6 +31,9 @@ use self::work::Work;
 
 /// Longest program that is improved, bytes.
 pub const MAX_IMPROVED_BYTES: u64 = 64 << 20;
+
+/// How often a program is improved, the last time to see that nothing more changes.
+const MAX_ROUNDS: u32 = 8;
 
 /// What is wanted of a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,11 +169,31 @@ pub trait Surroundings {
     fn step(&mut self) -> Result<(), Self::Error>;
 }
 
-/// Improves a program of at most [`MAX_IMPROVED_BYTES`].
+/// Improves a program of at most [`MAX_IMPROVED_BYTES`], and what comes out again, until nothing more changes: a speed, a feed or an
+/// amplitude that changed may be that of what was judged before. At most [`MAX_ROUNDS`] times.
 ///
 /// # Errors
 /// Those of the surroundings.
 pub fn improve<S: Surroundings>(
+    program: &[u8],
+    config: &Arc<PipelineConfig>,
+    goals: &ImprovementGoals,
+    surroundings: &mut S,
+) -> Result<Improvement, S::Error> {
+    let mut whole = improve_once(program, config, goals, surroundings)?;
+    let mut is_settled = whole.changes.is_empty();
+    for _ in 1..MAX_ROUNDS {
+        if is_settled {
+            break;
+        }
+        let next = improve_once(&whole.program, config, goals, surroundings)?;
+        is_settled = next.changes.is_empty();
+        whole = again::together(whole, next);
+    }
+    Ok(whole)
+}
+
+fn improve_once<S: Surroundings>(
     program: &[u8],
     config: &Arc<PipelineConfig>,
     goals: &ImprovementGoals,

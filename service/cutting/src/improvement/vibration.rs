@@ -446,8 +446,11 @@ fn step(section: &Section, before: &ValidationReport, state: &State) -> Improvem
         figures.push(figure("spindle speed", old, new, "rev/min"));
         figures.push(figure("machining time", before.summary.duration_s, state.after.summary.duration_s, "s"));
     }
-    let change =
-        |(word, new): &(Word, String)| WordChange { span: word.span, old: word.text.clone(), new: new.clone() };
+    let change = |(word, new): &(Word, String)| WordChange {
+        span: word.span,
+        old: word.text.clone(),
+        new: word.in_its_case(new.clone()),
+    };
     let step = of_kind(kind, ImprovementOutcome::Changed, format!("at {subject} {why}"));
     ImprovementStep { changes: changed.words.iter().map(change).collect(), figures, ..step }
 }

@@ -12,6 +12,13 @@ pub(super) struct Word {
     pub(super) value: f64,
 }
 
+impl Word {
+    /// What takes its place, with the letter as the program writes it: machines read both cases.
+    pub(super) fn in_its_case(&self, new: String) -> String {
+        if self.text.starts_with(|letter: char| letter.is_ascii_lowercase()) { new.to_ascii_lowercase() } else { new }
+    }
+}
+
 /// Where lines begin, as the interpreter counts them.
 #[derive(Debug)]
 pub(super) struct Lines {
