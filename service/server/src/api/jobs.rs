@@ -90,7 +90,8 @@ pub(super) fn job_id(field: &str, name: &str) -> Result<Uuid> {
     names::parse_job(name).map_err(|error| Error::invalid(field, error.to_string()))
 }
 
-fn check_inline(violations: &mut Violations, size: usize, limit: u64) {
+/// Whether an inline program is within the limit; what is larger is uploaded.
+pub(super) fn check_inline(violations: &mut Violations, size: usize, limit: u64) {
     if size as u64 > limit {
         let reason = format!("has {size} bytes, more than the {limit} allowed inline; upload it instead");
         violations.add("inline_program", reason);

@@ -21,7 +21,7 @@ use futures_util::{Stream, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 
 use super::guarded::{Guarded, deadline};
-use super::jobs::ResponseStream;
+use super::jobs::{ResponseStream, check_inline};
 use super::settings::check_tools;
 use super::{Api, page_request};
 use crate::engine::{self, Actions, File, Source};
@@ -303,6 +303,7 @@ impl Api {
         let stored = match &request.source {
             Some(From::InlineProgram(program)) => {
                 inline_bytes = program.len();
+                check_inline(&mut violations, inline_bytes, self.limits.inline_program_bytes);
                 None
             }
             Some(From::Program(name)) => violations.check("program", names::parse_program(name)),

@@ -5,9 +5,10 @@ use feedwave_contract::proto::program_file::Source as FileSource;
 use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
-    Action, ActionKind, CreateJobRequest, Finding, GetProgramRequest, GetReportRequest, InterpretRequest, JobState,
-    ListProgramsRequest, ProgramFile, ProgramsDeleteProgramRequest, ReadProgramRequest, UploadChunk, UploadHeader,
-    UploadProgramRequest, ValidateProgramRequest, interpret_request, validate_program_request,
+    Action, ActionKind, CreateJobRequest, Finding, GetProgramRequest, GetReportRequest, ImproveRequest,
+    InterpretRequest, JobState, ListProgramsRequest, ProgramFile, ProgramsDeleteProgramRequest, ReadProgramRequest,
+    UploadChunk, UploadHeader, UploadProgramRequest, ValidateProgramRequest, improve_request, interpret_request,
+    validate_program_request,
 };
 use feedwave_server::config::Limits;
 use sha2::{Digest as _, Sha256};
@@ -197,6 +198,17 @@ async fn requests_that_cannot_be_are_refused_with_their_fields() {
     let test = TestServer::with_limits(Limits { inline_program_bytes: 100, ..Limits::default() }).await;
     let status = interpret(&test, InterpretRequest::default()).await.unwrap_err();
     assert_eq!(told(&status).2, ["source", "on"]);
+    let large = || "(comment)\n".repeat(11).into_bytes().into();
+    let status = interpret(&test, on_lathe(interpret_request::Source::InlineProgram(large()))).await.unwrap_err();
+    assert_eq!((told(&status).0, told(&status).2), (Code::InvalidArgument, vec!["inline_program".to_owned()]));
+    let request = ImproveRequest {
+        source: Some(improve_request::Source::InlineProgram(large())),
+        on: Some(improve_request::On::Machine("machines/lathe".to_owned())),
+        ..ImproveRequest::default()
+    };
+    let status = programs(&test).improve(request).await.unwrap_err();
+    assert_eq!((told(&status).0, told(&status).2), (Code::InvalidArgument, vec!["inline_program".to_owned()]));
+    assert!(status.message().contains("more than the 100 allowed inline"), "{}", status.message());
     let absent = format!("programs/{}", "0".repeat(64));
     let status = interpret(&test, on_lathe(interpret_request::Source::Program(absent.clone()))).await.unwrap_err();
     assert_eq!(told(&status).0, Code::NotFound);
