@@ -226,6 +226,26 @@ def test_what_is_too_large_for_a_request_is_told_to_be_submitted(client):
     assert report.ok
 
 
+def test_what_a_service_does_not_take_with_a_request_is_uploaded(tmp_path):
+    service = Service(tmp_path, LIMITS__INLINE_PROGRAM_BYTES="60")
+    try:
+        with service.connect() as client:
+            with pytest.raises(feedwave.InvalidArgument, match="more than the 60 allowed"):
+                client.validate(SLOT, machine="mill")
+            call = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nM98 P1\nM30\n"
+            files = {"O1.nc": "G1 X20 F1200\nM99\n"}
+            for program, further in [(SLOT, {}), (call, files)]:
+                job = client.submit(program, machine="mill", files=further).wait()
+                assert job.is_ready and job.proto.program_bytes == len(program), str(job.report())
+            # What else is wrong is told before anything is uploaded.
+            with pytest.raises(feedwave.InvalidArgument) as caught:
+                client.submit(SLOT + "(more)\n", machine="mill", display_name="x" * 201)
+            assert {one.field for one in caught.value.violations} == {"inline_program", "display_name"}
+        service.end()
+    finally:
+        service.process.kill()
+
+
 def test_waiting_looks_before_it_waits(client, slot):
     assert client.job(slot.name).wait(timeout_s=0).is_ready
     with pytest.raises(feedwave.SourceError, match="timeout_s is -1"):

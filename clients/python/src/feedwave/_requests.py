@@ -21,13 +21,13 @@ from ._options import (
     message_of,
     settings_of,
 )
-from .errors import ContractError, DeadlineExceeded, InvalidArgument, NotFound, ResourceExhausted, ServiceError, SourceError
+from .errors import ContractError, DeadlineExceeded, InvalidArgument, NotFound, ResourceExhausted, ServiceError, SourceError, Violation
 from .program import Program
 from .report import Report
 from .setpoints import Decoder, Setpoints, overrides_of
 from .v1 import jobs_pb2, machines_pb2, programs_pb2, setpoints_pb2
 
-# Programs up to this size travel with the request, larger ones are uploaded. Well below what services permit.
+# Programs up to this size travel with the request, larger ones are uploaded, and these as well where a service permits less.
 INLINE_BYTES = 512 * 1024
 # What takes programs that are too large to be validated with a request.
 _UPLOADED = "client.submit(…).wait().report() uploads it, up to the service's limit for uploads"
@@ -85,10 +85,14 @@ def advised(flow: Flow[T], instead: str) -> Flow[T]:
     try:
         return (yield from flow)
     except (InvalidArgument, ResourceExhausted) as error:
-        large = any(one.field in ("inline_program", "programs") and " bytes" in one.description for one in error.violations)
-        if large or error.reason == "MESSAGE_TOO_LARGE":
+        if any(map(_is_of_size, error.violations)) or error.reason == "MESSAGE_TOO_LARGE":
             raise type(error)(f"{error.message}: {instead}", error.method, error.details) from None
         raise
+
+
+def _is_of_size(violation: Violation) -> bool:
+    """Whether it is that programs are larger than the service takes with a request."""
+    return violation.field in ("inline_program", "programs") and " bytes" in violation.description
 
 
 def submit(
@@ -128,7 +132,18 @@ def submit(
         else:
             stored = yield from upload(retries, file)
             request.programs.add(name=file.name, program=stored)
-    response = yield from call(retries, "Jobs/CreateJob", request, jobs_pb2.CreateJobResponse)
+    try:
+        response = yield from call(retries, "Jobs/CreateJob", request, jobs_pb2.CreateJobResponse)
+    except InvalidArgument as error:
+        if not (error.violations and all(map(_is_of_size, error.violations))):
+            raise
+        # This service takes less with a request than others.
+        if request.HasField("inline_program"):
+            request.program = yield from upload(retries, program)
+        for sent, file in zip(request.programs, files, strict=True):
+            if sent.HasField("inline_program"):
+                sent.program = yield from upload(retries, file)
+        response = yield from call(retries, "Jobs/CreateJob", request, jobs_pb2.CreateJobResponse)
     return response.job
 
 
