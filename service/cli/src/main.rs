@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::Parser as _;
+use clap::{Command, CommandFactory as _, FromArgMatches as _};
 use feedwave::args::Cli;
 use feedwave::commands::CliError;
 
@@ -11,8 +11,14 @@ use feedwave::commands::CliError;
 /// above what the configuration can permit.
 const MAX_BLOCKING_THREADS: usize = 16_384;
 
+/// A negative number is the value of its option, which says what is wrong with it; it is no unknown option.
+fn numbers_may_be_negative(command: Command) -> Command {
+    command.allow_negative_numbers(true).mut_subcommands(numbers_may_be_negative)
+}
+
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let arguments = numbers_may_be_negative(Cli::command()).get_matches();
+    let cli = Cli::from_arg_matches(&arguments).unwrap_or_else(|error| error.exit());
     let runtime =
         tokio::runtime::Builder::new_multi_thread().enable_all().max_blocking_threads(MAX_BLOCKING_THREADS).build();
     let ended = match runtime {

@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "DEGREES", default_value_t = 180.0, help_heading = "Cut")]
     exit: f64,
     /// Spindle angle at which the first edge is on the normal of the feed direction
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Cut")]
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, help_heading = "Cut")]
     first_edge: f64,
     /// Lowest spindle speed of the table that would follow
     #[arg(long, value_name = "REV/MIN", requires = "highest_rev_per_min", help_heading = "Spindle table")]

@@ -49,7 +49,6 @@ Examples:
       --spindle 200 --finishing-thickness 0.1
       A scroll on a face: the lead is along X, the tool vibrates along Z."
 )]
-#[command(allow_negative_numbers = true)]
 pub struct Args {
     /// Diameter of the uncut work at the start position, of a thread along Z
     #[arg(long, value_name = "MM", required_unless_present = "face_z", help_heading = "Thread")]

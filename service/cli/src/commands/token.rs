@@ -17,11 +17,11 @@ const TOKEN_BYTES: usize = 32;
 /// What a client may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Role {
-    /// Read everything
+    /// Read what is kept but the audit log, stream setpoints, interpret, replay, compute from tools and runs
     Viewer,
-    /// Upload programs, create, cancel and delete jobs, set how they are monitored
+    /// Besides: upload, validate and improve programs, create, cancel and delete jobs, plan threads, set how jobs are monitored
     Planner,
-    /// Run jobs on machines and send their telemetry
+    /// Besides reading: run jobs, send telemetry, follow a spindle and acknowledge conditions, on its machines
     Machine,
     /// Everything, machines and tools included
     Admin,

@@ -170,6 +170,10 @@ fn a_part_of_a_plan_is_that_part_of_the_whole() {
     assert_eq!(read("a.csv", &["--from-index", "1500", "--count", "3000"]), whole[1_500..4_500]);
     assert_eq!(read("b.csv", &["--from-time", "2.0005", "--count", "1"]), whole[2_001..2_002]);
     assert_eq!(read("c.csv", &["--from-index", "86000"]), whole[86_000..]);
+    let output = run(&[&"plan", &fixture("spec-trap-cured.nc"), &"--out", &"-", &"--from-time", &"-1"]);
+    assert_eq!(code(&output), 2);
+    let said = stderr(&output);
+    assert!(said.contains("'--from-time <SECONDS>': must be a number of seconds, not negative"), "{said}");
     let output = run(&[&"plan", &fixture("spec-trap-cured.nc"), &"--out", &"-", &"--from-index", &"99999999"]);
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("lies beyond the last one, 86"), "{}", stderr(&output));
