@@ -170,7 +170,7 @@ pub trait Surroundings {
 }
 
 /// Improves a program of at most [`MAX_IMPROVED_BYTES`], and what comes out again, until nothing more changes: a speed, a feed or an
-/// amplitude that changed may be that of what was judged before. At most [`MAX_ROUNDS`] times.
+/// amplitude that changed may be that of what was judged before. At most eight times.
 ///
 /// # Errors
 /// Those of the surroundings.
