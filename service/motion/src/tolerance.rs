@@ -140,8 +140,29 @@ pub(crate) const USED_SAMPLED_TOLERANCE: f64 = 0.97;
 /// Samples of the deviation in each half of the curve.
 pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
 
-/// What a stop in a corner has to gain to be preferred to rounding it, as the ratio of the times: a tool that stops may leave a mark.
-pub(crate) const CORNER_STOP_GAIN: f64 = 1.03;
+/// What a stop in a corner has to gain to be preferred to rounding it, as the ratio of the times: a tool that stops may leave a mark, and
+/// a plan is to be no slower than one that stops in every corner.
+pub(crate) const CORNER_STOP_GAIN: f64 = 1.001;
+
+/// Most blocks of one window of a curve, times its sharp corners, for which each of these is tried in every way.
+pub(crate) const MOST_TRIED_BLOCKS: usize = 300;
+
+/// Elements behind a corner, or behind a curve, that have to be known before ways to pass it are tried.
+pub(crate) const WAYS_SEEN: usize = 5;
+
+/// The same at a corner in no curve (2°), which may be passed slowly within a small tolerance.
+pub(crate) const LEAST_ALONE_KINK: f64 = 0.03;
+
+/// Ratio to the quickest time up to which a way, taken at all corners, is tried at single ones.
+pub(crate) const MOST_MIXED: f64 = 1.3;
+
+/// Pieces of the path before a trial that it starts with, at rest.
+pub(crate) const TRAIL: usize = 4;
+/// Largest memory that the curve of one of them takes, bytes: a long spline is slow to plan again and again.
+pub(crate) const MOST_TRAIL_BYTES: usize = 16_384;
+
+/// Interpolation period of the plans in which ways to pass corners are tried, s, whatever that of the job is: they are the same then.
+pub(crate) const TRIED_PERIOD_S: f64 = 1e-3;
 
 /// Least difference of the directions at a corner for which a stop is considered between short blocks (17°): less is passed faster at
 /// any tolerance.

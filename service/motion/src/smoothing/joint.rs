@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::corner::{self, CornerSpeed};
+use super::ways::Way;
 use crate::Element;
 use crate::tolerance::{
     CURVE_MOST_END_MM, CURVE_MOST_END_REACH, LEAST_CORNER_COSINE, RAMP_DEVIATION, SAME_POINT_MM, TANGENT_TOLERANCE_RAD,
@@ -23,6 +24,8 @@ pub(super) enum Joint {
         kink: f64,
         /// Distance of corners like it on both sides from which on a stop in it takes less time than passing it, mm.
         stop_from_mm: f64,
+        /// How it is passed, where that is decided.
+        way: Way,
     },
 }
 
@@ -41,7 +44,7 @@ impl Joint {
         }
         let curvature = corner::largest_curvature(before, after);
         reach_mm = reach_mm.min(CURVE_MOST_END_REACH * (tolerance_mm / curvature).sqrt());
-        Self::Corner { reach_mm: reach_mm.min(CURVE_MOST_END_MM), kink, stop_from_mm: f64::INFINITY }
+        Self::Corner { reach_mm: reach_mm.min(CURVE_MOST_END_MM), kink, stop_from_mm: f64::INFINITY, way: Way::Open }
     }
 
     /// Difference of the directions, where a curve may pass it.
@@ -49,6 +52,14 @@ impl Joint {
         match *self {
             Self::Corner { kink, .. } => Some(kink),
             Self::Unknown | Self::Fixed => None,
+        }
+    }
+
+    /// How it is passed, where that is decided.
+    pub(super) fn way(&self) -> Way {
+        match *self {
+            Self::Corner { way, .. } => way,
+            Self::Unknown | Self::Fixed => Way::Open,
         }
     }
 

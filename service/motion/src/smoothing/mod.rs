@@ -12,10 +12,11 @@
 //! With [`Joining::many_blocks`], elements that are tangent but bend differently meet in a ramp of curvature, and where corners
 //! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]).
 //!
-//! A corner stays as well where stopping in it takes less time ([`stop`]), also between short blocks where no other turns near it; the
-//! curve over many blocks ends there.
+//! In plans of runs a corner stays as well where stopping in it takes less time ([`ways`], [`stop`]), also between short blocks; the curve
+//! over many blocks ends there.
 //!
-//! Smoothing looks ahead over one run of mergeable lines and one window of the curve, and keeps nothing else.
+//! Smoothing looks ahead over one run of mergeable lines, one window of the curve and some elements behind a sharp corner, and keeps
+//! nothing else but the last pieces that it gave on.
 
 mod corner;
 mod curve;
@@ -28,6 +29,7 @@ mod stop;
 mod test_path;
 mod trim;
 mod vector;
+mod ways;
 
 use std::collections::VecDeque;
 
@@ -40,9 +42,11 @@ use self::joint::Joint;
 pub use self::origin::{Deviation, Origin};
 use self::stop::Corner;
 use self::vector::Vector;
+use self::ways::Way;
 use crate::kinematics::FiveAxisCorners;
 use crate::tolerance::{
-    CORNER_SHARE, LEAST_CURVE_SHARE, LEAST_STOP_KINK, MAX_MERGED_POINTS, MERGING_SHARE, TANGENT_TOLERANCE_RAD,
+    CORNER_SHARE, LEAST_CURVE_SHARE, LEAST_STOP_KINK, MAX_MERGED_POINTS, MERGING_SHARE, MOST_TRAIL_BYTES,
+    TANGENT_TOLERANCE_RAD, TRAIL,
 };
 use crate::{Curve, Element, Machine, Spline};
 
@@ -89,6 +93,11 @@ pub struct PathSmoother<T> {
     open: Option<Open>,
     /// The last sharp corner that was given on.
     passed: Passed,
+    /// What was given on last, with which trials of ways to pass corners start.
+    trail: VecDeque<Smoothed<T>>,
+    /// Whether it is a trial itself.
+    #[serde(skip)]
+    is_trial: bool,
 }
 
 /// A sharp corner before what is held.
@@ -135,7 +144,15 @@ struct Entry<T> {
 
 impl<T> Default for PathSmoother<T> {
     fn default() -> Self {
-        Self { run: None, between: Vec::new(), pending: VecDeque::new(), open: None, passed: Passed::default() }
+        Self {
+            run: None,
+            between: Vec::new(),
+            pending: VecDeque::new(),
+            open: None,
+            passed: Passed::default(),
+            trail: VecDeque::new(),
+            is_trial: false,
+        }
     }
 }
 
@@ -205,6 +222,7 @@ impl<T: Carried> PathSmoother<T> {
         self.end_run(joining, emit);
         self.advance(true, joining, None, emit);
         self.passed = Passed::default();
+        self.trail.clear();
     }
 
     /// Merges a line into the present run; `false` where it does not belong to it.
@@ -276,6 +294,7 @@ impl<T: Carried> PathSmoother<T> {
             if self.pending.len() == 1 {
                 if is_last || front.corner_tolerance_mm().is_none() {
                     self.passed = Passed::default();
+                    self.trail.clear();
                     emit(self.pending.remove(0).expect("one is held").finish());
                 }
                 return;
@@ -289,6 +308,7 @@ impl<T: Carried> PathSmoother<T> {
             match goes_on {
                 None => return,
                 Some(true) => self.open_curve(emit),
+                Some(false) if self.waits_for_ways(is_last, joining) => return,
                 Some(false) => self.round_front(joining, corners, emit),
             }
         }
@@ -317,10 +337,23 @@ impl<T: Carried> PathSmoother<T> {
         let Some(mut front) = self.pending.pop_front() else { return };
         let next = self.pending.front_mut().filter(|_| !stops);
         let corner = next.and_then(|next| front.round_corner(next, joining, corners));
-        emit(front.finish());
+        self.give(front.finish(), emit);
         if let Some(corner) = corner {
-            emit(corner);
+            self.give(corner, emit);
         }
+    }
+
+    /// Gives on a piece of the path that is run.
+    fn give(&mut self, piece: Smoothed<T>, emit: &mut impl FnMut(Smoothed<T>)) {
+        if self.trail.len() >= TRAIL {
+            self.trail.pop_front();
+        }
+        if piece.element.curve_bytes() <= MOST_TRAIL_BYTES {
+            self.trail.push_back(piece.clone());
+        } else {
+            self.trail.clear();
+        }
+        emit(piece);
     }
 }
 
@@ -370,7 +403,7 @@ impl<T: Carried> Entry<T> {
             return Joint::Fixed;
         }
         if matches!(self.element.curve, Curve::FiveAxis(_)) {
-            return Joint::Corner { reach_mm: 0.0, kink: 0.0, stop_from_mm: f64::INFINITY };
+            return Joint::Corner { reach_mm: 0.0, kink: 0.0, stop_from_mm: f64::INFINITY, way: Way::Open };
         }
         let mut joint = Joint::between(&self.element, &next.element, left_mm, self.corner_speed);
         if let Joint::Corner { stop_from_mm, reach_mm, .. } = &mut joint
@@ -398,7 +431,8 @@ impl<T: Carried> Entry<T> {
         if !next.is_smoothable() || self.element.work_offset != next.element.work_offset {
             return None;
         }
-        let most_cut_mm = CORNER_SHARE * self.full_length_mm.min(next.full_length_mm);
+        // Of a long element before a curve, most may have been given on.
+        let most_cut_mm = (CORNER_SHARE * self.full_length_mm.min(next.full_length_mm)).min(self.element.length);
         let carried = self.carried.at_corner(&next.carried)?;
         let guided = [&self.element, &next.element].map(|element| matches!(element.curve, Curve::FiveAxis(_)));
         if guided != [false; 2] {
@@ -421,7 +455,8 @@ impl<T: Carried> Entry<T> {
         let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
         // Where the path does not rest without the curve, or changes its speed along it, the curve never costs time.
         let would_rest = matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
-        if self.joins && next.joins && would_rest && self.corner_speed == CornerSpeed::Steady {
+        let is_open = would_rest && self.joint.way() != Way::Rounded;
+        if self.joins && next.joins && is_open && self.corner_speed == CornerSpeed::Steady {
             let blocks = [(&before, self.full_length_mm), (&after, next.full_length_mm)];
             let command = carried.commanded_mm_per_s(&element, joining.machine);
             let corner = Corner { curve: &element, blocks, cut_mm: rounding.cut_mm, command };

@@ -22,6 +22,7 @@ use self::path::Path;
 use super::joint::Joint;
 use super::origin::{Deviation, Origin, turn_evenly};
 use super::vector::{Vector, linear};
+use super::ways::Way;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::limits::travel_exceeded;
 use crate::tolerance::{
@@ -36,7 +37,7 @@ pub(super) struct Open {
     /// Where it goes on, at the start of the first element.
     start: State,
     /// The last element that certainly belongs to it.
-    last: usize,
+    pub(super) last: usize,
     /// What the window before has fitted beyond the start; empty where the curve starts on the path.
     rest: Vec<Span>,
     /// Elements with which the next window is tried.
@@ -88,7 +89,7 @@ fn exact(element: &Element, s: f64) -> State {
 
 impl<T> Entry<T> {
     /// Whether it can be part of a curve over many blocks.
-    fn is_joinable(&self) -> bool {
+    pub(super) fn is_joinable(&self) -> bool {
         self.joins && matches!(self.element.curve, Curve::Line | Curve::Arc(_))
     }
 
@@ -124,8 +125,9 @@ impl<T: Carried> PathSmoother<T> {
         };
         let is_wide = before.corner_tolerance_mm().is_some_and(|tolerance_mm| tolerance_mm >= LEAST_CURVE_TOLERANCE_MM);
         let is_alike = entry.control == before.control && is_wide;
+        let is_alone = [before, entry].iter().any(|entry| matches!(entry.joint.way(), Way::Alone | Way::Rounded));
         let is_far = entry.full_length_mm >= CURVE_LINK_SHARE * (reach_mm + CURVE_MOST_END_MM);
-        if !is_alike || is_far {
+        if !is_alike || is_far || is_alone {
             return Some(false);
         }
         match (self.pending.get(index + 1), entry.reach_mm()) {
@@ -145,7 +147,10 @@ impl<T: Carried> PathSmoother<T> {
     /// over many, it is judged by their lengths when it is rounded.
     pub(super) fn stops_behind(&self, index: usize, is_last: bool) -> Option<bool> {
         let before = &self.pending[index];
-        let Joint::Corner { reach_mm, kink, stop_from_mm } = before.joint else { return Some(false) };
+        let Joint::Corner { reach_mm, kink, stop_from_mm, way } = before.joint else { return Some(false) };
+        if way != Way::Open {
+            return Some(way == Way::Stop);
+        }
         let is_long = |entry: &Entry<T>| entry.full_length_mm >= CURVE_LINK_SHARE * (reach_mm + CURVE_MOST_END_MM);
         let are_long = is_long(before) && self.pending.get(index + 1).is_some_and(is_long);
         if are_long || stop_from_mm.is_infinite() {
@@ -210,12 +215,21 @@ impl<T: Carried> PathSmoother<T> {
             front.merged = front.merged.behind(before.length, after.length);
             self.passed.distance_mm += before.length;
             let (blocks, rest_at_end, origin) = (0, false, Origin::Block);
-            emit(Smoothed { element: before, carried, blocks, rest_at_end, origin, deviation });
             front.element = after;
+            self.give(Smoothed { element: before, carried, blocks, rest_at_end, origin, deviation }, emit);
         }
+        let Some(front) = self.pending.front() else { return };
         let is_free = !front.start_is_cut && front.element.length >= front.full_length_mm;
         let start = State { is_free, ..exact(&front.element, 0.0) };
         self.open = Some(Open { start, last: 1, rest: Vec::new(), next_try: 2 });
+    }
+
+    /// Goes on with a curve whose corners are to be passed in other ways than they were.
+    pub(super) fn resume(&mut self, mut open: Open) {
+        let is_in = self.pending.front().is_some_and(|front| matches!(front.joint.way(), Way::Open | Way::Joined));
+        debug_assert!(is_in || open.rest.is_empty(), "it goes on beside the path");
+        (open.last, open.next_try) = (1, 2);
+        self.open = is_in.then_some(open);
     }
 
     /// Gives on what of the curve is settled; whether there was anything to do.
@@ -244,6 +258,18 @@ impl<T: Carried> PathSmoother<T> {
             self.open = Some(open);
             return false;
         }
+        match self.choose_ways(&open, is_last || !ends, joining) {
+            Some(false) => {}
+            Some(true) => {
+                self.resume(open);
+                return true;
+            }
+            None => {
+                self.open = Some(open);
+                return false;
+            }
+        }
+        let path = self.path(open.last);
         let window = self.window(&path, open.last, &knots, ends);
         let found = self.fit(&path, &open, window, joining.machine);
         match found.or_else(|| self.rest_of_before(&path, &open, joining.machine)) {
@@ -322,7 +348,7 @@ impl<T: Carried> PathSmoother<T> {
         emit: &mut impl FnMut(Smoothed<T>),
     ) {
         let Settled { parts, done, offset_mm } = settled;
-        parts.into_iter().for_each(emit);
+        parts.into_iter().for_each(|part| self.give(part, emit));
         self.pass(done);
         self.pending.drain(..done);
         let is_over = is_whole && rest.is_empty() && done >= open.last || done > open.last;

@@ -1,0 +1,202 @@
+//! Which way sharp corners are passed in plans of runs.
+//!
+//! One curve over several of them may turn so tightly that the path creeps along it, where it would have been faster to stop in them;
+//! how long either takes depends on all of them, on the blocks between them, and on how fast the path is before and behind. So the
+//! ways are tried: what is held of the path is smoothed and planned in each of them, from rest to rest with the pieces before it, and
+//! the quickest is taken. The corners behind those that are decided are passed in the same way in the trial: on a path of many like
+//! corners each of them is judged among like ones.
+//!
+//! The interpolation period of trials is always the same, so that the path does not depend on that of the job.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+use super::curve::Open;
+use super::joint::Joint;
+use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
+use crate::tolerance::{
+    CORNER_STOP_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS, TRIED_PERIOD_S, WAYS_SEEN,
+};
+use crate::{
+    Element, LimitPiece, Machine, MotionRequest, PathMotion, Planned, Planner, PlannerSettings, Stretch, Stretches,
+    limit_pieces,
+};
+
+/// How a corner is passed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Way {
+    /// It is not decided.
+    #[default]
+    Open,
+    /// In one curve with others, where they are near.
+    Joined,
+    /// By itself, rounded or with a stop.
+    Alone,
+    /// Rounded by itself.
+    Rounded,
+    /// The path stops in it.
+    Stop,
+}
+
+impl<T: Carried> PathSmoother<T> {
+    /// Decides how the sharp corners of a curve are passed that has been begun, as soon as enough is known of the path behind it: whether
+    /// another way than in that curve is quicker for one of them.
+    pub(super) fn choose_ways(&mut self, open: &Open, is_last: bool, joining: Joining<'_>) -> Option<bool> {
+        let count = self.undecided(open.last, LEAST_STOP_KINK).len();
+        if self.is_trial || count == 0 || joining.corner_speed != CornerSpeed::Steady {
+            return Some(false);
+        }
+        let seen = open.last + WAYS_SEEN;
+        if self.pending.len() < seen && !is_last {
+            return None;
+        }
+        let corners = self.undecided(seen, LEAST_STOP_KINK);
+        let mut ways = self.quickest(Some(open), &corners, count, [Way::Joined, Way::Stop, Way::Alone], joining);
+        ways.truncate(count);
+        self.set_ways(&corners, &ways);
+        Some(ways.iter().any(|&way| way != Way::Joined))
+    }
+
+    /// Decides how the first corners are passed, of which the first is in no curve; whether more of the path has to be known for that.
+    pub(super) fn waits_for_ways(&mut self, is_last: bool, joining: Joining<'_>) -> bool {
+        let is_sharp = self.undecided(1, LEAST_ALONE_KINK).len() == 1;
+        let are_joinable = self.pending.iter().take(2).all(Entry::is_joinable);
+        if self.is_trial || !is_sharp || !are_joinable || joining.corner_speed != CornerSpeed::Steady {
+            return false;
+        }
+        if self.pending.len() < WAYS_SEEN && !is_last {
+            return true;
+        }
+        let corners = self.undecided(WAYS_SEEN, LEAST_ALONE_KINK);
+        let ways = self.quickest(None, &corners, 1, [Way::Alone, Way::Stop, Way::Rounded], joining);
+        self.set_ways(&corners, &ways[..1]);
+        false
+    }
+
+    /// The sharp corners among the first joints that may be passed in any way.
+    fn undecided(&self, joints: usize, least_kink: f64) -> Vec<usize> {
+        let is_open = |joint: &Joint| match *joint {
+            Joint::Corner { kink, way, .. } => kink >= least_kink && way == Way::Open,
+            Joint::Unknown | Joint::Fixed => false,
+        };
+        let first = self.pending.iter().take(joints).take_while(|entry| entry.is_joinable()).enumerate();
+        first.filter(|(_, entry)| is_open(&entry.joint)).map(|(index, _)| index).collect()
+    }
+
+    /// The quickest ways found to pass these corners, of which `count` are to be decided: the first way, or others for all of them or for
+    /// some.
+    fn quickest(
+        &self,
+        open: Option<&Open>,
+        corners: &[usize],
+        count: usize,
+        [usual, others @ ..]: [Way; 3],
+        joining: Joining<'_>,
+    ) -> Vec<Way> {
+        let mut ways = vec![usual; corners.len()];
+        let mut seen = Vec::new();
+        let mut seconds = |ways: &[Way]| self.trial(open, corners, ways).seconds(&self.trail, joining, &mut seen);
+        let Some(usual_s) = seconds(&ways) else { return ways };
+        let mut least_s = usual_s / CORNER_STOP_GAIN;
+        let mut times_s = Vec::new();
+        for way in others {
+            let tried = vec![way; corners.len()];
+            let Some(seconds) = seconds(&tried) else { continue };
+            // Rounded by itself may be a stop.
+            if seconds == usual_s || times_s.iter().any(|&(_, other)| other == seconds) {
+                continue;
+            }
+            times_s.push((way, seconds));
+            if seconds < least_s {
+                (least_s, ways) = (seconds, tried);
+            }
+        }
+        times_s.push((usual, usual_s));
+        times_s.retain(|&(_, seconds)| seconds < least_s * MOST_MIXED);
+        if corners.len() == 1 || times_s.len() == 1 || count * self.pending.len() > MOST_TRIED_BLOCKS {
+            return ways;
+        }
+        for index in 0..count {
+            for &(way, _) in &times_s {
+                let before = ways[index];
+                if way == before {
+                    continue;
+                }
+                ways[index] = way;
+                match seconds(&ways).filter(|&seconds| seconds < least_s) {
+                    Some(seconds) => least_s = seconds,
+                    None => ways[index] = before,
+                }
+            }
+        }
+        ways
+    }
+
+    fn set_ways(&mut self, corners: &[usize], ways: &[Way]) {
+        for (&index, &chosen) in corners.iter().zip(ways) {
+            if let Joint::Corner { way, .. } = &mut self.pending[index].joint {
+                *way = chosen;
+            }
+        }
+    }
+
+    /// What is held, with these ways.
+    fn trial(&self, open: Option<&Open>, corners: &[usize], ways: &[Way]) -> Self {
+        let passed = self.passed;
+        let pending = self.pending.iter().take_while(|entry| entry.is_joinable()).cloned().collect();
+        let mut trial = Self { pending, passed, is_trial: true, ..Self::default() };
+        trial.set_ways(corners, ways);
+        if let Some(open) = open {
+            trial.resume(open.clone());
+        }
+        trial
+    }
+
+    /// Time of a plan of runs of all that is held and what was given on before it, from rest to rest, s; `None` where limits leave nothing.
+    fn seconds(
+        mut self,
+        trail: &VecDeque<Smoothed<T>>,
+        joining: Joining<'_>,
+        seen: &mut Vec<MotionRequest>,
+    ) -> Option<f64> {
+        let mut smoothed = Vec::new();
+        self.advance(true, joining, None, &mut |part| smoothed.push(part));
+        let settings = PlannerSettings::new(joining.machine, trail.len() + smoothed.len() + 1, TRIED_PERIOD_S);
+        let mut planner = Planner::<()>::new(settings);
+        for Smoothed { element, carried, rest_at_end, .. } in trail.iter().chain(&smoothed) {
+            let mut request = request(element, carried, joining.machine, seen)?;
+            request.rest_at_end = *rest_at_end;
+            planner.push_motion(request);
+        }
+        planner.finish();
+        let mut total_s = 0.0;
+        while let Some(Planned::Motion(motion)) = planner.pop() {
+            total_s += motion.stretches.iter().map(|stretch| stretch.profile.duration()).sum::<f64>();
+        }
+        Some(total_s)
+    }
+}
+
+/// What the planner is asked for, which is kept for further trials: most pieces are the same in several.
+fn request<T: Carried>(
+    element: &Element,
+    carried: &T,
+    machine: &Machine,
+    seen: &mut Vec<MotionRequest>,
+) -> Option<MotionRequest> {
+    let speed_mm_per_s = carried.commanded_mm_per_s(element, machine);
+    let is_same = |other: &&MotionRequest| {
+        other.element == *element && other.stretches.first().is_some_and(|first| first.speed_mm_per_s == speed_mm_per_s)
+    };
+    if let Some(same) = seen.iter().rev().find(is_same) {
+        return Some(same.clone());
+    }
+    let pieces = limit_pieces(element, machine, PathMotion::ZERO, 2.0 * speed_mm_per_s).ok()?;
+    let stretch =
+        |&LimitPiece { end, limits }: &LimitPiece| Stretch { end, speed_mm_per_s, spindle_rev_per_s: 0.0, limits };
+    let stretches: Stretches = pieces.iter().map(stretch).collect();
+    let request = MotionRequest::new(element.clone(), stretches);
+    seen.push(request.clone());
+    Some(request)
+}
