@@ -144,6 +144,9 @@ pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
 /// a plan is to be no slower than one that stops in every corner.
 pub(crate) const CORNER_STOP_GAIN: f64 = 1.001;
 
+/// The same in a curve most of whose blocks meet without a sharp corner: how fast it goes on behind what is held is less certain there.
+pub(crate) const FEW_STOPS_GAIN: f64 = 1.03;
+
 /// Most blocks of one window of a curve, times its sharp corners, for which each of these is tried in every way.
 pub(crate) const MOST_TRIED_BLOCKS: usize = 300;
 

@@ -16,7 +16,8 @@ use super::curve::Open;
 use super::joint::Joint;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::tolerance::{
-    CORNER_STOP_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS, TRIED_PERIOD_S, WAYS_SEEN,
+    CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS, TRIED_PERIOD_S,
+    WAYS_SEEN,
 };
 use crate::{
     Element, LimitPiece, Machine, MotionRequest, PathMotion, Planned, Planner, PlannerSettings, Stretch, Stretches,
@@ -98,7 +99,8 @@ impl<T: Carried> PathSmoother<T> {
         let mut seen = Vec::new();
         let mut seconds = |ways: &[Way]| self.trial(open, corners, ways).seconds(&self.trail, joining, &mut seen);
         let Some(usual_s) = seconds(&ways) else { return ways };
-        let mut least_s = usual_s / CORNER_STOP_GAIN;
+        let are_few = open.is_some_and(|open| corners.len() <= open.last / 2);
+        let mut least_s = usual_s / if are_few { FEW_STOPS_GAIN } else { CORNER_STOP_GAIN };
         let mut times_s = Vec::new();
         for way in others {
             let tried = vec![way; corners.len()];
