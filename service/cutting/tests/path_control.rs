@@ -15,7 +15,11 @@ fn mill() -> PipelineConfig {
 const SQUARE: [[f64; 2]; 5] = [[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0], [0.0, 0.0]];
 
 fn square(control: &str) -> Setpoints {
-    let program = format!("G17 G21 G90 M3 S3000 F3000. {control}\nG1 X20.\nY20.\nX0.\nY0.\nM30\n");
+    square_at(3000, control)
+}
+
+fn square_at(feed: u32, control: &str) -> Setpoints {
+    let program = format!("G17 G21 G90 M3 S3000 F{feed}. {control}\nG1 X20.\nY20.\nX0.\nY0.\nM30\n");
     run(&program, &mill())
 }
 
@@ -38,8 +42,9 @@ fn lowest_feed(setpoints: &Setpoints) -> f64 {
 
 #[test]
 fn a_square_with_rounded_corners_runs_through_them_within_tolerance() {
-    for tolerance_mm in [0.01, 0.05, 0.2, 1.0] {
-        let rounded = square(&format!("G64 P{tolerance_mm}"));
+    // At a feed at which rounding the corners is quicker than stopping in them.
+    for (tolerance_mm, feed) in [(0.01, 1000), (0.05, 2000), (0.2, 3000), (1.0, 3000)] {
+        let rounded = square_at(feed, &format!("G64 P{tolerance_mm}"));
         let largest = (0..rounded.len()).map(|index| distance(&rounded, index, &SQUARE)).fold(0.0, f64::max);
         assert!(largest <= tolerance_mm && largest > 0.5 * tolerance_mm, "{largest} mm off of {tolerance_mm}");
         let slowest = lowest_feed(&rounded);
@@ -63,6 +68,9 @@ fn tolerance_gains_time() {
     let stopping = square("G61.1").len();
     let rounded = ["P0.1", "P0.3", "P1"].map(|tolerance| square(&format!("G64 {tolerance}")).len());
     assert!(rounded[0] < stopping && rounded.is_sorted_by(|a, b| a > b), "{rounded:?} against {stopping}");
+    // Where it gains none, it costs none.
+    let small = ["P0.005", "P0.01", "P0.02", "P0.05"].map(|tolerance| square(&format!("G64 {tolerance}")).len());
+    assert!(small.iter().all(|&small| small <= stopping), "{small:?} against {stopping}");
 }
 
 #[test]

@@ -78,7 +78,8 @@ pub(super) async fn connect(options: &PostgresOptions, database: &str) -> Result
 pub(super) async fn connected(target: &Target, away: Duration, silence: &Silence) -> Result<PgConnection> {
     let mut patience = Patience::new(away);
     loop {
-        let connecting = async { Ok(target.connect_options().await?.connect().await?) };
+        // Boxed: options are large, and everything that may have to connect would hold them.
+        let connecting = Box::pin(async { Ok(target.connect_options().await?.connect().await?) });
         match silence.answered(away, connecting).await {
             Ok(connection) => return Ok(connection),
             Err(error) => patience.again(Failure::Before(error)).await?,
