@@ -3,7 +3,7 @@
 mod common;
 
 use common::{run, validate};
-use feedwave_cutting::{AxisSummary, LimitTimes, MachineProfile, OverrideChange, PipelineConfig};
+use feedwave_cutting::{AxisSummary, LimitTimes, MachineProfile, OverrideChange, PipelineConfig, PlanQuality};
 
 fn mill() -> PipelineConfig {
     PipelineConfig::new(MachineProfile::mill())
@@ -96,7 +96,7 @@ fn the_look_ahead_of_the_profile_decides_how_fast_short_blocks_run() {
     let line = |k: u32| format!("X{}.{:02}\n", k / 100, k % 100);
     let program: String = "G21 G90 G94 G1 F6000.\n".to_owned() + &(1..=2_000).map(line).collect::<String>() + "M30\n";
     let duration_s = |look_ahead_blocks| {
-        let profile = MachineProfile { look_ahead_blocks, ..MachineProfile::mill() };
+        let profile = MachineProfile { look_ahead_blocks, plan_quality: PlanQuality::Fast, ..MachineProfile::mill() };
         validate(&program, &PipelineConfig::new(profile)).summary.duration_s
     };
     // From 4 blocks of 10 µm one can stop at 5 mm/s or so; 5 000 show the whole line.

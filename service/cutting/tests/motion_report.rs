@@ -124,7 +124,7 @@ fn each_place_has_the_cure_that_helps() {
     assert!(!short.is_empty(), "{:#?}", chords.slowdowns);
     assert!(short.iter().all(|at| at.cure == SlowdownCure::Arc), "{:?}", chords.slowdowns);
     // An arc that the acceleration of its axes limits, between a start and an end that are none of it.
-    let arc = summary("G17 G21 G90 F20000. G61\nG0 X20.\nG3 I-20. J0.\nM30\n", &mill());
+    let arc = summary("G17 G21 G90 F20000. G61\nG0 X8.\nG3 I-8. J0.\nM30\n", &mill());
     let [curve] = arc.slowdowns.as_slice() else { panic!("{:?}", arc.slowdowns) };
     assert_eq!((curve.source.line, curve.cause), (3, SlowdownCause::Curve), "{curve:?}");
     assert_eq!(curve.cure, SlowdownCure::Acceleration, "{curve:?}");

@@ -156,12 +156,17 @@ fn short_blocks_become_one_curve_within_the_tolerance_both_ways() {
         (0..=200).map(|k| f64::from(k) * 0.2).map(|x| [x, (2.0 * (0.35 * x).sin() * 1e3).round() / 1e3]).collect();
     let last = points[points.len() - 1];
     points.extend([[last[0] + 25.0, last[1]], [last[0] + 25.0, last[1] + 10.0]]);
-    for tolerance_mm in [0.005, 0.02, 0.1] {
+    let tolerances = [0.005, 0.02, 0.1];
+    let cases = [PlanQuality::Fast, PlanQuality::LeastTime]
+        .map(|quality| tolerances.map(|tolerance_mm| (quality, tolerance_mm)));
+    for (quality, tolerance_mm) in cases.into_iter().flatten() {
+        let mut config = PipelineConfig { interpolation_period_us: 250, ..mill() };
+        config.profile.plan_quality = quality;
         let mut text = format!("G17 G21 G90 M3 S3000 F3000. G64 P{tolerance_mm} Q0\nG0 X0. Y0.\nG1\n");
         for [x, y] in &points[1..] {
             text += &format!("X{x:.3} Y{y:.3}\n");
         }
-        let setpoints = run(&(text + "M30\n"), &mill());
+        let setpoints = run(&(text + "M30\n"), &config);
         let path: Vec<[f64; 2]> = (0..setpoints.len()).map(|k| [setpoints.axes[0][k], setpoints.axes[1][k]]).collect();
         let farthest = path.iter().map(|&point| off_polyline(&points, point)).fold(0.0, f64::max);
         assert!(farthest <= tolerance_mm, "{farthest} mm off of {tolerance_mm}");

@@ -150,6 +150,9 @@ pub(crate) const FEW_STOPS_GAIN: f64 = 1.03;
 /// Most blocks of one window of a curve, times its sharp corners, for which each of these is tried in every way.
 pub(crate) const MOST_TRIED_BLOCKS: usize = 300;
 
+/// Most elements of a curve that are tried in other ways in plans for the least time: in longer ones other ways take as long.
+pub(crate) const MOST_TRIED_IN_LEAST_TIME: usize = 6;
+
 /// Elements behind a corner, or behind a curve, that have to be known before ways to pass it are tried.
 pub(crate) const WAYS_SEEN: usize = 5;
 
@@ -170,6 +173,10 @@ pub(crate) const TRIED_PERIOD_S: f64 = 1e-3;
 /// Least difference of the directions at a corner for which a stop is considered between short blocks (17°): less is passed faster at
 /// any tolerance.
 pub(crate) const LEAST_STOP_KINK: f64 = 0.3;
+
+/// Longest overlap of two blocks round their corner, as a share of the shorter time of them with stops, up to which plans for the least time try
+/// a stop: what is saved is about the overlap, less what such a plan is above the optimum beside a slow corner.
+pub(crate) const MOST_TRIED_OVERLAP: f64 = 0.2;
 
 /// Lengths of lines for which that is examined, each a quarter of the one before, from two lengths of a stop on.
 pub(crate) const STOP_LENGTHS: usize = 6;

@@ -1,4 +1,5 @@
-//! Sharp corners within reach of each other: fast plans within a tolerance against exact stops, on shapes with many of them.
+//! Sharp corners: plans within a tolerance against exact stops, on shapes with many corners within reach of each other, and on some whose
+//! tolerance is small for their legs.
 
 mod common;
 
@@ -23,10 +24,14 @@ impl Carried for Cut {
     }
 }
 
-/// Time of a fast plan at this feed, mm/min, s.
-fn seconds(program: &Program, control: PathControl, feed: f64, machine: &Machine) -> f64 {
-    let joining = Joining { machine, many_blocks: true, corner_speed: CornerSpeed::Steady };
-    let mut planner = Planner::<()>::new(PlannerSettings::new(machine, 5_000, common::PERIOD_S));
+/// Time at this feed, mm/min, of a fast plan or of one for the least time, whose speed changes along corners, s.
+fn seconds(program: &Program, control: PathControl, feed: f64, machine: &Machine, corner_speed: CornerSpeed) -> f64 {
+    let joining = Joining { machine, many_blocks: true, corner_speed };
+    let settings = PlannerSettings::new(machine, 5_000, common::PERIOD_S);
+    let mut planner = Planner::<()>::new(match corner_speed {
+        CornerSpeed::Steady => settings,
+        CornerSpeed::Changing => settings.for_least_time(machine),
+    });
     let mut smoother = PathSmoother::default();
     let mut plan = |Smoothed { element, rest_at_end, .. }: Smoothed<Cut>| {
         let pieces = limit_pieces(&element, machine, PathMotion::ZERO, feed / 30.0).expect("nothing else moves");
@@ -169,10 +174,11 @@ fn conditions(seed: usize) -> (Machine, f64) {
 }
 
 /// Time with exact stops, and within each of [`TOLERANCES_MM`].
-fn times_s(program: &Program, seed: usize) -> (f64, Vec<f64>) {
+fn times_s(program: &Program, seed: usize, corner_speed: CornerSpeed) -> (f64, Vec<f64>) {
     let (machine, feed) = conditions(seed);
-    let stop_s = seconds(program, PathControl::ExactStop, feed, &machine);
-    let within_s = TOLERANCES_MM.map(|tolerance_mm| seconds(program, within(tolerance_mm), feed, &machine));
+    let stop_s = seconds(program, PathControl::ExactStop, feed, &machine, CornerSpeed::Steady);
+    let within_s =
+        TOLERANCES_MM.map(|tolerance_mm| seconds(program, within(tolerance_mm), feed, &machine, corner_speed));
     (stop_s, within_s.to_vec())
 }
 
@@ -192,7 +198,7 @@ const TOLERANCES_MM: [f64; 8] = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5];
 fn fast_plans_within_a_tolerance_are_no_slower_than_exact_stops() {
     for seed in 0..5 {
         for program in shapes(seed as u64) {
-            let (stop_s, within_s) = times_s(&program, seed);
+            let (stop_s, within_s) = times_s(&program, seed, CornerSpeed::Steady);
             // Where the legs change along the path, what lies behind a trial differs from what it ends with.
             let most = if program.name == "square spiral" { 1.005 } else { 1.0011 };
             let worst_s = within_s.iter().copied().fold(0.0, f64::max);
@@ -205,7 +211,7 @@ fn fast_plans_within_a_tolerance_are_no_slower_than_exact_stops() {
 fn a_larger_tolerance_is_no_slower_where_the_path_turns_back() {
     for seed in 0..5 {
         for program in shapes(seed as u64).into_iter().filter(|program| ["u-turn", "raster"].contains(&program.name)) {
-            let (stop_s, within_s) = times_s(&program, seed);
+            let (stop_s, within_s) = times_s(&program, seed, CornerSpeed::Steady);
             let worst = worst_of_larger(stop_s, &within_s);
             assert!(worst <= 1.0011, "{} {seed}: {within_s:?} s, {stop_s} s with stops", program.name);
         }
@@ -217,28 +223,61 @@ fn a_step_of_a_raster_within_reach_is_as_fast_as_with_stops() {
     // Where both corners of the step were one curve, the u-turn took 0.523 s and the raster 4.99 s.
     let machine = machine();
     for (program, tolerance_mm, most_s) in [(u_turn(3.0, 0.18), 0.3, 0.354), (raster(12, 10.0, 0.2), 0.2, 3.36)] {
-        let time_s = seconds(&program, within(tolerance_mm), 6_000.0, &machine);
+        let time_s = seconds(&program, within(tolerance_mm), 6_000.0, &machine, CornerSpeed::Steady);
         assert!(time_s <= most_s, "{}: {time_s} s", program.name);
     }
 }
 
 #[test]
-#[ignore = "prints the table of docs/performance.md"]
-fn table() {
-    let names = ["u-turn", "raster", "comb", "zigzag", "saw", "square spiral", "walk", "text"];
-    let mut rows = names.map(|name| (name, 0, [0.0_f64; 2], 0.0));
-    for seed in 0..24 {
+fn plans_for_the_least_time_are_no_slower_than_exact_stops() {
+    for seed in 0..5 {
         for program in shapes(seed as u64) {
-            let (stop_s, within_s) = times_s(&program, seed);
-            let slowest = within_s.iter().copied().fold(0.0, f64::max) / stop_s;
+            let (stop_s, within_s) = times_s(&program, seed, CornerSpeed::Changing);
+            let worst_s = within_s.iter().copied().fold(0.0, f64::max);
+            assert!(worst_s <= 1.001 * stop_s, "{} {seed}: {within_s:?} s, {stop_s} s with stops", program.name);
+            // In a curve over corners that are quicker by themselves they took up to 12 % longer.
             let worst = worst_of_larger(stop_s, &within_s);
-            let row = rows.iter_mut().find(|row| row.0 == program.name).expect("each has a name");
-            row.1 += 1;
-            row.2 = [row.2[0].max(slowest), row.2[1].max(worst)];
-            row.3 += (within_s[7] / stop_s).ln();
+            assert!(worst <= 1.08, "{} {seed}: {within_s:?} s", program.name);
         }
     }
-    for (name, count, [slowest, worst], sum) in rows {
-        println!("| {name} | {count} | {slowest:.3} | {worst:.3} | {:.2} |", (sum / f64::from(count)).exp());
+}
+
+#[test]
+fn in_plans_for_the_least_time_a_corner_is_kept_whose_tolerance_is_small_for_its_legs() {
+    // Rounded, they took up to 4.3 % longer than with stops.
+    let machine = machine();
+    for (leg, turn) in [(5.0, RIGHT), (20.0, RIGHT), (5.0, 0.7), (20.0, 0.7), (5.0, 2.6), (20.0, 2.6)] {
+        for feed in [1_000.0, 6_000.0, 60_000.0] {
+            let program = zigzag(6, leg, turn);
+            let stop_s = seconds(&program, PathControl::ExactStop, feed, &machine, CornerSpeed::Steady);
+            for tolerance_mm in [0.001, 0.002, 0.005, 0.02] {
+                let time_s = seconds(&program, within(tolerance_mm), feed, &machine, CornerSpeed::Changing);
+                assert!(time_s <= 1.001 * stop_s, "{leg} {turn} F{feed} P{tolerance_mm}: {time_s} s, {stop_s} s");
+            }
+        }
+    }
+}
+
+#[test]
+#[ignore = "prints the tables of docs/performance.md"]
+fn table() {
+    for corner_speed in [CornerSpeed::Steady, CornerSpeed::Changing] {
+        println!("{corner_speed:?}");
+        let names = ["u-turn", "raster", "comb", "zigzag", "saw", "square spiral", "walk", "text"];
+        let mut rows = names.map(|name| (name, 0, [0.0_f64; 2], 0.0));
+        for seed in 0..24 {
+            for program in shapes(seed as u64) {
+                let (stop_s, within_s) = times_s(&program, seed, corner_speed);
+                let slowest = within_s.iter().copied().fold(0.0, f64::max) / stop_s;
+                let worst = worst_of_larger(stop_s, &within_s);
+                let row = rows.iter_mut().find(|row| row.0 == program.name).expect("each has a name");
+                row.1 += 1;
+                row.2 = [row.2[0].max(slowest), row.2[1].max(worst)];
+                row.3 += (within_s[3] / stop_s).ln();
+            }
+        }
+        for (name, count, [slowest, worst], sum) in rows {
+            println!("| {name} | {count} | {slowest:.3} | {worst:.3} | {:.2} |", (sum / f64::from(count)).exp());
+        }
     }
 }

@@ -251,7 +251,7 @@ fn pictures_are_drawn_of_a_mill_program_too() {
 fn deviation_and_slowdowns_are_told_and_drawn() {
     let directory = tempfile::tempdir().unwrap();
     let (program, exact) = (directory.path().join("corner.nc"), directory.path().join("exact.nc"));
-    std::fs::write(&program, "G21 G90 G94 G17 F2000 G64 P0.05\nG1 X30\nY30\nX0\nG61.1 Y0\nM30\n").unwrap();
+    std::fs::write(&program, "G21 G90 G94 G17 F6000 G64 P0.05\nG1 X30\nY30\nX0\nG61.1 Y0\nM30\n").unwrap();
     std::fs::write(&exact, "G21 G90 G94 G17 F3000 G61\nG1 X30\nY30\nM30\n").unwrap();
     let mill = |command: &str, program: &Path, option: &str, value: Option<&Path>| {
         let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> =

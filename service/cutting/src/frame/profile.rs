@@ -70,10 +70,10 @@ pub struct MachineProfile {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlanQuality {
-    /// In runs under one set of limits: at little cost, and slower on curves and short blocks.
-    #[default]
+    /// In runs under one set of limits: at little cost, and slower on corners, curves and short blocks.
     Fast,
     /// Close to the least time, with the limits of the axes place by place.
+    #[default]
     LeastTime,
 }
 

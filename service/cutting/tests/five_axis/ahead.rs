@@ -46,7 +46,8 @@ fn sweep(tilt: f64, turns: impl Iterator<Item = i32>) -> Vec<[f64; 2]> {
 
 #[test]
 fn a_cut_that_would_run_out_of_turns_starts_a_turn_back() {
-    let config = limited([-220.0, 220.0]);
+    // The last setpoint of a line lies up to a period before its end.
+    let config = PipelineConfig { interpolation_period_us: 250, ..limited([-220.0, 220.0]) };
     // C is at 140 and the cut continues from 150 to 300: only from −210 on does it stay in range.
     let cut = cut(&sweep(40.0, (150..=300).step_by(10)), &format!("G43.5 H1 G0 X0 Y0 Z80 {}", words(40.0, 140.0)));
     let report = validate(&cut, &config);

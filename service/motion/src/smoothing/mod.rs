@@ -456,11 +456,22 @@ impl<T: Carried> Entry<T> {
         // Where the path does not rest without the curve, or changes its speed along it, the curve never costs time.
         let would_rest = matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
         let is_open = would_rest && self.joint.way() != Way::Rounded;
-        if self.joins && next.joins && is_open && self.corner_speed == CornerSpeed::Steady {
+        if self.joins && next.joins && is_open {
             let blocks = [(&before, self.full_length_mm), (&after, next.full_length_mm)];
             let command = carried.commanded_mm_per_s(&element, joining.machine);
             let corner = Corner { curve: &element, blocks, cut_mm: rounding.cut_mm, command };
-            if !corner.is_rounded(joining.machine) {
+            let is_rounded = match self.corner_speed {
+                CornerSpeed::Steady => corner.is_rounded(joining.machine),
+                CornerSpeed::Changing => corner.is_rounded_in_least_time(joining.machine, || {
+                    let pieces = [(&before, &self.carried), (&element, &carried), (&after, &next.carried)];
+                    ways::planned_s(
+                        pieces.map(|(element, carried)| (element, carried, false)),
+                        joining,
+                        &mut Vec::new(),
+                    )
+                }),
+            };
+            if !is_rounded {
                 return None;
             }
         }

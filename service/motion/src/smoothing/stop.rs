@@ -1,6 +1,9 @@
-//! Whether a corner takes less time rounded than with a stop in it, in a plan of runs.
+//! Whether a corner takes less time rounded than with a stop in it.
 //!
-//! Round a corner the path runs at one speed, the one that the curve permits. What decides is the time from the middle of the block
+//! In a plan for the least time the speed changes along the corner, and is found by planning it: from rest to rest over the two blocks, where
+//! the tolerance is so small for them that little can be gained.
+//!
+//! In a plan of runs, round a corner the path runs at one speed, the one that the curve permits. What decides is the time from the middle of the block
 //! before it to the middle of the block behind it; corners at their other ends are taken to be like this one.
 //!
 //! Of short blocks that says little: the path comes to the corner from farther away. There the corner is judged by its distance to others
@@ -12,10 +15,11 @@ use feedwave_program::{Axis, Position};
 use super::corner;
 use super::vector::linear;
 use crate::profile::change_length;
-use crate::tolerance::{CORNER_SHARE, CORNER_STOP_GAIN, LEAST_STOP_KINK, STOP_LENGTHS};
+use crate::tolerance::{CORNER_SHARE, CORNER_STOP_GAIN, LEAST_STOP_KINK, MOST_TRIED_OVERLAP, STOP_LENGTHS};
 use crate::{Curve, Element, LimitExceeded, Machine, PathLimits, PathMotion, Profile, Spline, path_limits};
 
 /// A corner between two blocks.
+#[derive(Clone, Copy)]
 pub(super) struct Corner<'a> {
     /// Its curve.
     pub(super) curve: &'a Element,
@@ -31,6 +35,31 @@ impl Corner<'_> {
     /// Whether it is to be rounded; also where the limits leave nothing, which is found later.
     pub(super) fn is_rounded(&self, machine: &Machine) -> bool {
         self.times_s(machine).map_or(true, |[rounded_s, stopped_s]| rounded_s < stopped_s * CORNER_STOP_GAIN)
+    }
+
+    /// Whether it is to be rounded in a plan for the least time, where `planned_s` says how long the blocks and the curve take then from
+    /// rest to rest, s.
+    pub(super) fn is_rounded_in_least_time(&self, machine: &Machine, planned_s: impl FnOnce() -> Option<f64>) -> bool {
+        let Some((stopped_s, overlap_s)) = self.stops(machine) else { return true };
+        let [first_s, last_s] = stopped_s;
+        overlap_s > MOST_TRIED_OVERLAP * first_s.min(last_s)
+            || planned_s().is_none_or(|rounded_s| rounded_s < (first_s + last_s) * CORNER_STOP_GAIN)
+    }
+
+    /// Times of the two blocks with a stop between them and rest at their ends, and for how long the ends of both overlap where they
+    /// are rounded, s.
+    fn stops(&self, machine: &Machine) -> Option<([f64; 2], f64)> {
+        let mut overlap_s = f64::INFINITY;
+        let mut times_s = [0.0; 2];
+        for ((element, _), time_s) in self.blocks.iter().zip(&mut times_s) {
+            let own = path_limits(element, machine, PathMotion::ZERO).ok()?;
+            let limits = PathLimits { velocity: own.velocity.min(self.command), ..own };
+            *time_s = Profile::solve(element.length + self.cut_mm, 0.0, 0.0, limits)?.duration();
+            let starting_s =
+                (6.0 * self.cut_mm / limits.jerk).cbrt().max((2.0 * self.cut_mm / limits.acceleration).sqrt());
+            overlap_s = overlap_s.min(starting_s);
+        }
+        Some((times_s, overlap_s))
     }
 
     /// Time rounded, and with a stop, s.

@@ -1,14 +1,15 @@
-//! Which way sharp corners are passed in plans of runs.
+//! Which way sharp corners are passed.
 //!
 //! One curve over several of them may turn so tightly that the path creeps along it, where it would have been faster to stop in them;
 //! how long either takes depends on all of them, on the blocks between them, and on how fast the path is before and behind. So the
 //! ways are tried: what is held of the path is smoothed and planned in each of them, from rest to rest with the pieces before it, and
-//! the quickest is taken. The corners behind those that are decided are passed in the same way in the trial: on a path of many like
+//! the quickest is taken. In plans for the least time, which never stop between corners that near, that is done for curves over few blocks, with
+//! those beside them: a larger tolerance could make one curve of corners that are quicker each by itself. In plans of runs the corners behind those that are decided are passed in the same way in the trial: on a path of many like
 //! corners each of them is judged among like ones.
 //!
 //! The interpolation period of trials is always the same, so that the path does not depend on that of the job.
 
-use std::collections::VecDeque;
+use std::collections::vec_deque;
 
 use serde::{Deserialize, Serialize};
 
@@ -16,8 +17,8 @@ use super::curve::Open;
 use super::joint::Joint;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::tolerance::{
-    CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS, TRIED_PERIOD_S,
-    WAYS_SEEN,
+    CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS,
+    MOST_TRIED_IN_LEAST_TIME, TRAIL, TRIED_PERIOD_S, WAYS_SEEN,
 };
 use crate::{
     Element, LimitPiece, Machine, MotionRequest, PathMotion, Planned, Planner, PlannerSettings, Stretch, Stretches,
@@ -40,20 +41,41 @@ pub(super) enum Way {
     Stop,
 }
 
+/// What is tried, on how much of the path.
+struct Trials {
+    usual: Way,
+    others: &'static [Way],
+    /// Most elements of what is held, and pieces before it.
+    elements: usize,
+    trail: usize,
+    /// Whether the corners are tried in ways of their own.
+    are_mixed: bool,
+}
+
 impl<T: Carried> PathSmoother<T> {
     /// Decides how the sharp corners of a curve are passed that has been begun, as soon as enough is known of the path behind it: whether
     /// another way than in that curve is quicker for one of them.
     pub(super) fn choose_ways(&mut self, open: &Open, is_last: bool, joining: Joining<'_>) -> Option<bool> {
         let count = self.undecided(open.last, LEAST_STOP_KINK).len();
-        if self.is_trial || count == 0 || joining.corner_speed != CornerSpeed::Steady {
+        if self.is_trial || count == 0 {
             return Some(false);
         }
-        let seen = open.last + WAYS_SEEN;
+        let (usual, steady) = (Way::Joined, joining.corner_speed == CornerSpeed::Steady);
+        let (seen, trials) = if steady {
+            let others = &[Way::Stop, Way::Alone];
+            (open.last + WAYS_SEEN, Trials { usual, others, elements: usize::MAX, trail: TRAIL, are_mixed: true })
+        } else {
+            if open.last > MOST_TRIED_IN_LEAST_TIME || !open.is_at_its_start() {
+                return Some(false);
+            }
+            let (others, elements) = (&[Way::Alone], open.last + 2);
+            (open.last + 1, Trials { usual, others, elements, trail: 1, are_mixed: false })
+        };
         if self.pending.len() < seen && !is_last {
             return None;
         }
         let corners = self.undecided(seen, LEAST_STOP_KINK);
-        let mut ways = self.quickest(Some(open), &corners, count, [Way::Joined, Way::Stop, Way::Alone], joining);
+        let mut ways = self.quickest(Some(open), &corners, count, &trials, joining);
         ways.truncate(count);
         self.set_ways(&corners, &ways);
         Some(ways.iter().any(|&way| way != Way::Joined))
@@ -70,7 +92,9 @@ impl<T: Carried> PathSmoother<T> {
             return true;
         }
         let corners = self.undecided(WAYS_SEEN, LEAST_ALONE_KINK);
-        let ways = self.quickest(None, &corners, 1, [Way::Alone, Way::Stop, Way::Rounded], joining);
+        let (usual, others) = (Way::Alone, &[Way::Stop, Way::Rounded]);
+        let trials = Trials { usual, others, elements: usize::MAX, trail: TRAIL, are_mixed: false };
+        let ways = self.quickest(None, &corners, 1, &trials, joining);
         self.set_ways(&corners, &ways[..1]);
         false
     }
@@ -92,17 +116,20 @@ impl<T: Carried> PathSmoother<T> {
         open: Option<&Open>,
         corners: &[usize],
         count: usize,
-        [usual, others @ ..]: [Way; 3],
+        trials: &Trials,
         joining: Joining<'_>,
     ) -> Vec<Way> {
+        let usual = trials.usual;
         let mut ways = vec![usual; corners.len()];
         let mut seen = Vec::new();
-        let mut seconds = |ways: &[Way]| self.trial(open, corners, ways).seconds(&self.trail, joining, &mut seen);
+        let trail = self.trail.range(self.trail.len().saturating_sub(trials.trail)..);
+        let mut seconds =
+            |ways: &[Way]| self.trial(open, corners, ways, trials.elements).seconds(trail.clone(), joining, &mut seen);
         let Some(usual_s) = seconds(&ways) else { return ways };
         let are_few = open.is_some_and(|open| corners.len() <= open.last / 2);
         let mut least_s = usual_s / if are_few { FEW_STOPS_GAIN } else { CORNER_STOP_GAIN };
         let mut times_s = Vec::new();
-        for way in others {
+        for &way in trials.others {
             let tried = vec![way; corners.len()];
             let Some(seconds) = seconds(&tried) else { continue };
             // Rounded by itself may be a stop.
@@ -116,7 +143,8 @@ impl<T: Carried> PathSmoother<T> {
         }
         times_s.push((usual, usual_s));
         times_s.retain(|&(_, seconds)| seconds < least_s * MOST_MIXED);
-        if corners.len() == 1 || times_s.len() == 1 || count * self.pending.len() > MOST_TRIED_BLOCKS {
+        let is_much = count * self.pending.len() > MOST_TRIED_BLOCKS;
+        if !trials.are_mixed || corners.len() == 1 || times_s.len() == 1 || is_much {
             return ways;
         }
         for index in 0..count {
@@ -143,10 +171,10 @@ impl<T: Carried> PathSmoother<T> {
         }
     }
 
-    /// What is held, with these ways.
-    fn trial(&self, open: Option<&Open>, corners: &[usize], ways: &[Way]) -> Self {
+    /// What is held, at most so many elements, with these ways.
+    fn trial(&self, open: Option<&Open>, corners: &[usize], ways: &[Way], elements: usize) -> Self {
         let passed = self.passed;
-        let pending = self.pending.iter().take_while(|entry| entry.is_joinable()).cloned().collect();
+        let pending = self.pending.iter().take(elements).take_while(|entry| entry.is_joinable()).cloned().collect();
         let mut trial = Self { pending, passed, is_trial: true, ..Self::default() };
         trial.set_ways(corners, ways);
         if let Some(open) = open {
@@ -155,29 +183,42 @@ impl<T: Carried> PathSmoother<T> {
         trial
     }
 
-    /// Time of a plan of runs of all that is held and what was given on before it, from rest to rest, s; `None` where limits leave nothing.
+    /// Time of a plan of all that is held and of pieces before it, from rest to rest, s; `None` where limits leave nothing.
     fn seconds(
         mut self,
-        trail: &VecDeque<Smoothed<T>>,
+        trail: vec_deque::Iter<'_, Smoothed<T>>,
         joining: Joining<'_>,
         seen: &mut Vec<MotionRequest>,
     ) -> Option<f64> {
         let mut smoothed = Vec::new();
         self.advance(true, joining, None, &mut |part| smoothed.push(part));
-        let settings = PlannerSettings::new(joining.machine, trail.len() + smoothed.len() + 1, TRIED_PERIOD_S);
-        let mut planner = Planner::<()>::new(settings);
-        for Smoothed { element, carried, rest_at_end, .. } in trail.iter().chain(&smoothed) {
-            let mut request = request(element, carried, joining.machine, seen)?;
-            request.rest_at_end = *rest_at_end;
-            planner.push_motion(request);
-        }
-        planner.finish();
-        let mut total_s = 0.0;
-        while let Some(Planned::Motion(motion)) = planner.pop() {
-            total_s += motion.stretches.iter().map(|stretch| stretch.profile.duration()).sum::<f64>();
-        }
-        Some(total_s)
+        let pieces = trail.chain(&smoothed);
+        planned_s(pieces.map(|piece| (&piece.element, &piece.carried, piece.rest_at_end)), joining, seen)
     }
+}
+
+/// Time of a plan of these pieces from rest to rest, each with whether the path rests at its end, s; `None` where limits leave nothing.
+pub(super) fn planned_s<'a, T: Carried + 'a>(
+    pieces: impl IntoIterator<Item = (&'a Element, &'a T, bool)>,
+    joining: Joining<'_>,
+    seen: &mut Vec<MotionRequest>,
+) -> Option<f64> {
+    let settings = PlannerSettings::new(joining.machine, usize::MAX, TRIED_PERIOD_S);
+    let mut planner = Planner::<()>::new(match joining.corner_speed {
+        CornerSpeed::Steady => settings,
+        CornerSpeed::Changing => settings.for_least_time(joining.machine),
+    });
+    for (element, carried, rest_at_end) in pieces {
+        let mut request = request(element, carried, joining.machine, seen)?;
+        request.rest_at_end = rest_at_end;
+        planner.push_motion(request);
+    }
+    planner.finish();
+    let mut total_s = 0.0;
+    while let Some(Planned::Motion(motion)) = planner.pop() {
+        total_s += motion.stretches.iter().map(|stretch| stretch.profile.duration()).sum::<f64>();
+    }
+    Some(total_s)
 }
 
 /// What the planner is asked for, which is kept for further trials: most pieces are the same in several.

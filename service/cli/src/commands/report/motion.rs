@@ -21,7 +21,6 @@ pub(super) fn rows(rows: &mut Rows, summary: &ProgramSummary) {
         rows.row("deviation", deviation_text(deviation));
     }
     match summary.quality_times.as_slice() {
-        [] | [_] if summary.plan_quality() != PlanQuality::LeastTime => {}
         [] | [_] => rows.row("plan", quality(summary.plan_quality())),
         times => rows.row("plan", times.iter().map(quality_time).collect::<Vec<_>>().join(", ")),
     }

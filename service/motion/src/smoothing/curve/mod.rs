@@ -44,6 +44,13 @@ pub(super) struct Open {
     next_try: usize,
 }
 
+impl Open {
+    /// Whether nothing of it is settled.
+    pub(super) fn is_at_its_start(&self) -> bool {
+        self.rest.is_empty()
+    }
+}
+
 /// Where what is settled ends.
 #[derive(Clone, Copy)]
 pub(super) enum Ending {
