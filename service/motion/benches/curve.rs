@@ -18,7 +18,8 @@ fn smoothing(criterion: &mut Criterion) {
         for (way, many_blocks) in [("one curve", true), ("each corner", false)] {
             group.bench_function(format!("{} {way}", program.name), |bencher| {
                 bencher.iter(|| {
-                    let joining = Joining { machine: &machine, many_blocks, corner_speed: CornerSpeed::Steady };
+                    let joining =
+                        Joining { machine: &machine, many_blocks, corner_speed: CornerSpeed::Steady, corners: None };
                     let mut smoother = PathSmoother::default();
                     let mut emit = |smoothed| {
                         black_box(smoothed);

@@ -23,7 +23,7 @@ fn plan(elements: &[Element], feed_mm_per_min: f64, machine: &Machine, is_least_
     } else {
         (settings, CornerSpeed::Steady)
     };
-    let joining = Joining { machine, many_blocks: true, corner_speed };
+    let joining = Joining { machine, many_blocks: true, corner_speed, corners: None };
     let mut smoother = PathSmoother::default();
     let mut planner = Planner::<()>::new(settings);
     let mut time_s = 0.0;

@@ -21,7 +21,7 @@ mod turning;
 pub use arc::Arc;
 pub use five_axis::FiveAxis;
 pub(crate) use five_axis::FiveAxisPiece;
-pub(crate) use polynomial::{COEFFICIENTS, Part, shifted};
+pub(crate) use polynomial::{COEFFICIENTS, Part};
 pub use spline::Spline;
 pub use turning::Turning;
 

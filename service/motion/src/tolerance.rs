@@ -164,8 +164,9 @@ pub(crate) const MOST_MIXED: f64 = 1.3;
 
 /// Pieces of the path before a trial that it starts with, at rest.
 pub(crate) const TRAIL: usize = 4;
-/// Largest memory that the curve of one of them takes, bytes: a long spline is slow to plan again and again.
-pub(crate) const MOST_TRAIL_BYTES: usize = 16_384;
+/// Largest memory that the curve of one of them takes, bytes: a long spline is slow to plan again and again. Sharp corners of five axes
+/// have some tens of pieces.
+pub(crate) const MOST_TRAIL_BYTES: usize = 65_536;
 
 /// Interpolation period of the plans in which ways to pass corners are tried, s, whatever that of the job is: they are the same then.
 pub(crate) const TRIED_PERIOD_S: f64 = 1e-3;

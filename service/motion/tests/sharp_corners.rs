@@ -26,7 +26,7 @@ impl Carried for Cut {
 
 /// Time at this feed, mm/min, of a fast plan or of one for the least time, whose speed changes along corners, s.
 fn seconds(program: &Program, control: PathControl, feed: f64, machine: &Machine, corner_speed: CornerSpeed) -> f64 {
-    let joining = Joining { machine, many_blocks: true, corner_speed };
+    let joining = Joining { machine, many_blocks: true, corner_speed, corners: None };
     let settings = PlannerSettings::new(machine, 5_000, common::PERIOD_S);
     let mut planner = Planner::<()>::new(match corner_speed {
         CornerSpeed::Steady => settings,

@@ -4,12 +4,15 @@
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 
-use feedwave_cutting::PipelineConfig;
+use feedwave_cutting::{PipelineConfig, PlanQuality};
 use feedwave_motion::kinematics::Kinematics;
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, norm, sub};
+use feedwave_program::Axis;
 use proptest::prelude::*;
 
-use super::common::{Setpoints, resume, run, snapshots};
+use super::common::machines::{config_of, kinds};
+use super::common::{Setpoints, all_bits, resume, run, snapshots, validate};
+use super::least_time::check_limits;
 use super::machine::config;
 use super::{distance, freeform, poses};
 
@@ -76,7 +79,9 @@ fn zigzag() -> Vec<(Vec3, [f64; 2])> {
 
 #[test]
 fn corners_are_led_through_within_both_tolerances() {
-    let config = config();
+    // Which never stops for the sake of time.
+    let mut config = config();
+    config.profile.plan_quality = PlanQuality::LeastTime;
     let points = zigzag();
     let rounded = program(&format!("G64 P{P_MM}"), &points);
     let (off_mm, off_rad) = deviations(&rounded, &config, &points, P_MM);
@@ -107,11 +112,13 @@ fn slowest(setpoints: &Setpoints, lines: RangeInclusive<u32>) -> f64 {
 
 #[test]
 fn a_freeform_cut_does_not_stop_at_its_blocks() {
-    let config = config();
+    // Fast plans stop where that is quicker, as between blocks whose directions flicker.
+    let mut config = config();
+    config.profile.plan_quality = PlanQuality::LeastTime;
     let thinned = freeform::program(1, 60);
     let whole = thinned.replace("M33\n", "").replace("M34\n", "");
     let last = thinned.lines().count() as u32 - 10;
-    for (program, least) in [(whole, 2.0), (thinned, 5.0)] {
+    for (program, least) in [(whole, 2.0), (thinned, 4.5)] {
         let slowest = ["G61", "G64 P0.01"].map(|control| {
             let setpoints = run(&format!("{control}\n{program}"), &config);
             slowest(&setpoints, 6..=last)
@@ -133,6 +140,125 @@ fn a_stream_from_a_corner_on_is_the_same() {
     }
 }
 
+/// A cut of one kind at a feed, with the rotary axes of a machine, whose numbers come from `numbers`.
+fn cut(kind: usize, feed: f64, rotary: [char; 2], mut numbers: impl FnMut(f64, f64) -> f64) -> String {
+    let [tilt, turn] = rotary;
+    let mut text = format!("G43.4 H1\nG0 X0 Y0 Z20 {tilt}20 {turn}0\nG1 F{feed}\n");
+    let (leg, height, kink_deg) = (numbers(0.3, 6.0), numbers(0.2, 3.0), numbers(0.0, 3.0));
+    let ([mut x, mut y], mut heading, [mut a, mut c]) = ([0.0; 2], 0.0_f64, [20.0, 0.0]);
+    for k in 1..14 {
+        let odd = f64::from(k % 2);
+        match kind {
+            // Legs in any direction, without and with turning axes.
+            0 | 1 => {
+                let length = numbers(0.5, 8.0);
+                x += length * heading.cos();
+                y += length * heading.sin();
+                heading += numbers(-2.0, 2.0);
+                if kind == 1 {
+                    a = (a + numbers(-3.0, 3.0)).clamp(5.0, 60.0);
+                    c += numbers(-4.0, 4.0);
+                }
+            }
+            // A zigzag that turns with it.
+            2 => {
+                (x, y, a, c) = (leg * f64::from(k), height * odd, 20.0 + kink_deg * odd, 1.5 * kink_deg * f64::from(k))
+            }
+            // Directions that change in place.
+            3 if k % 2 == 0 => (a, c) = (20.0 + numbers(-5.0, 5.0), c + numbers(-5.0, 5.0)),
+            3 => x += numbers(1.0, 6.0),
+            // Short blocks along a wave.
+            _ => {
+                x += numbers(0.1, 1.0);
+                (y, a, c) = ((x / 3.0).sin(), 25.0 + 4.0 * (x / 5.0).sin(), 3.0 * x.cos());
+            }
+        }
+        let _ = writeln!(text, "X{x:.4} Y{y:.4} {tilt}{a:.4} {turn}{c:.4}");
+    }
+    text + "M30\n"
+}
+
+/// Times of a cut under these codes, s.
+fn times_s<const CODES: usize>(codes: [&str; CODES], cut: &str, config: &PipelineConfig) -> [f64; CODES] {
+    codes.map(|code| {
+        let report = validate(&format!("{code}\n{cut}"), config);
+        assert!(report.is_accepted(), "{cut}{:?}", report.findings);
+        report.summary.duration_s
+    })
+}
+
+/// A machine of one kind in a quality of its plans, and the letters of its rotary axes.
+fn machine(kind: usize, quality: PlanQuality) -> (PipelineConfig, [char; 2]) {
+    let mut config = config_of(kinds().swap_remove(kind).1);
+    config.profile.plan_quality = quality;
+    let tilt = config.profile.machine.axes[3..].iter().map(|axis| axis.axis).find(|&axis| axis != Axis::C);
+    (config, [tilt.expect("a tilting axis").letter(), 'C'])
+}
+
+#[test]
+fn corners_are_not_rounded_where_that_takes_longer() {
+    // Rounded whatever it costs, this took 1.6 times as long.
+    let mut numbers = [2.0, 2.2488, 1.705].into_iter();
+    let (config, rotary) = machine(4, PlanQuality::Fast);
+    let cut = cut(2, 3000.0, rotary, |_, _| numbers.next().expect("three numbers"));
+    let [stopping, rounded] = times_s(["G61.1", "G64 P0.2"], &cut, &config);
+    assert!(rounded <= 1.001 * stopping + 2e-3, "{rounded} and {stopping} s");
+}
+
+#[test]
+fn plans_for_the_least_time_brake_and_start_in_corners_with_all_axes() {
+    let (config, rotary) = machine(4, PlanQuality::LeastTime);
+    let mut numbers = [2.0, 2.2488, 1.705].into_iter();
+    let cut = cut(2, 3000.0, rotary, |_, _| numbers.next().expect("three numbers"));
+    let [stopping, rounded] = times_s(["G61.1", "G64 P0.05"], &cut, &config);
+    assert!(rounded < 0.97 * stopping, "{rounded} and {stopping} s");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    /// Fast plans within a tolerance take no longer than exact stops, whatever the machine, the cut and the feed.
+    #[test]
+    fn no_tolerance_takes_longer_than_stops(
+        kind in 0..5_usize,
+        machine_kind in 0..6_usize,
+        feed in prop_oneof![Just(600.0), Just(3000.0), Just(10_000.0)],
+        p in 0.005..0.2_f64,
+        shares in prop::collection::vec(0.0..1.0_f64, 64),
+    ) {
+        let (config, rotary) = machine(machine_kind, PlanQuality::Fast);
+        let mut shares = shares.into_iter().cycle();
+        let cut = cut(kind, feed, rotary, |low, high| low + (high - low) * shares.next().expect("endless"));
+        let [stopping, rounded] = times_s(["G61.1", &format!("G64 P{p:.4}")], &cut, &config);
+        // Both end on the interpolation grid.
+        prop_assert!(rounded <= 1.001 * stopping + 2.0 * config.period_s(), "{rounded} and {stopping} s:\n{cut}");
+    }
+
+    /// Corners keep the limits of every axis at any period in either quality, and go on the same from any place.
+    #[test]
+    fn corners_keep_limits_at_any_period(
+        kind in 0..5_usize,
+        machine_kind in 0..6_usize,
+        least_time: bool,
+        period in 0..3_usize,
+        shares in prop::collection::vec(0.0..1.0_f64, 64),
+    ) {
+        let quality = if least_time { PlanQuality::LeastTime } else { PlanQuality::Fast };
+        let (mut config, rotary) = machine(machine_kind, quality);
+        config.interpolation_period_us = [250, 1_000, 4_000][period];
+        let mut shares = shares.into_iter().cycle();
+        let cut = cut(kind, 6000.0, rotary, |low, high| low + (high - low) * shares.next().expect("endless"));
+        let text = format!("G64 P0.03\n{cut}");
+        let whole = run(&text, &config);
+        check_limits(&whole, &config)?;
+        for (index, offset, snapshot) in snapshots(text.as_bytes(), &config) {
+            let (first, rest) = resume(text.as_bytes(), &config, offset, &snapshot);
+            prop_assert_eq!(first, index);
+            prop_assert!(all_bits(&rest) == all_bits(&whole)[index as usize..], "resumed at {}", index);
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
@@ -142,8 +268,10 @@ proptest! {
         steps in prop::collection::vec(([-3.0..3.0_f64, -3.0..3.0_f64, -1.0..1.0_f64], [-4.0..4.0_f64, -6.0..6.0_f64]), 2..20),
         p in 0.002..0.2_f64,
         tolerance_deg in 0.01..1.0_f64,
+        least_time: bool,
     ) {
         let mut config = config();
+        config.profile.plan_quality = if least_time { PlanQuality::LeastTime } else { PlanQuality::Fast };
         config.profile.corner_direction_tolerance_deg = tolerance_deg;
         let mut points: Vec<(Vec3, [f64; 2])> = vec![([0.0, 0.0, 20.0], [-40.0, 0.0])];
         for (travel, turn) in steps {

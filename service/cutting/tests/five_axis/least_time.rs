@@ -41,7 +41,7 @@ fn programs() -> [String; 2] {
 }
 
 /// First, second and third differences of every axis stay within its limits.
-fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) -> Result<(), TestCaseError> {
+pub fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) -> Result<(), TestCaseError> {
     let h = config.period_s();
     for (axis, column) in config.profile.machine.axes.iter().zip(&setpoints.axes) {
         for (k, p) in column.windows(4).enumerate() {

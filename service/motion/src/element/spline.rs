@@ -198,19 +198,46 @@ impl Spline {
             .flat_map(position)
             .chain(*origin)
             .fold(0.0_f64, |size, value| size.max(value.abs()));
-        let mut pieces = Vec::new();
+        let mut pieces = [Vec::new()];
         let mut length_mm = 0.0;
         for span in &spans {
             if let Some(piece) = straight(span) {
                 // A span that stays where it is adds nothing.
                 if piece.length > SPLINE_STRAIGHT_MM {
-                    pieces.push(piece.moved_to(length_mm));
-                    length_mm = pieces[pieces.len() - 1].end();
+                    pieces[0].push(piece.moved_to(length_mm));
+                    length_mm = pieces[0][pieces[0].len() - 1].end();
                 }
             } else {
-                length_mm = fit::append(&mut pieces, span, length_mm, size_mm, 0)?;
+                length_mm = fit::append(&mut pieces, [span], length_mm, size_mm, 0)?;
             }
         }
+        let [pieces] = pieces;
+        Self::of_pieces(origin, pieces, length_mm)
+    }
+
+    /// A Bézier span of degree 5, and by its arc length other coordinates with control points over the same parameter: those have no
+    /// arc length of their own.
+    ///
+    /// `None` where it does not move, holds a number that is not finite, or has a cusp.
+    pub(crate) fn with_others(points: &[[f64; 3]; 6], others: &[[f64; 3]; 6]) -> Option<[Self; 2]> {
+        if !points.iter().chain(others).flatten().all(|value| value.is_finite()) {
+            return None;
+        }
+        let origins = [points[0], others[0]];
+        let span = |points: &[[f64; 3]; 6]| {
+            let [x0, y0, z0] = points[0];
+            Bezier::new(&points.map(|[x, y, z]| [x - x0, y - y0, z - z0, 1.0]))
+        };
+        let spans = [span(points), span(others)];
+        let size_mm = points.iter().chain(others).flatten().fold(0.0_f64, |size, value| size.max(value.abs()));
+        let mut pieces = [Vec::new(), Vec::new()];
+        let length_mm = fit::append(&mut pieces, [&spans[0], &spans[1]], 0.0, size_mm, 0)?;
+        let [own, others] = pieces;
+        Some([Self::of_pieces(&origins[0], own, length_mm)?, Self::of_pieces(&origins[1], others, length_mm)?])
+    }
+
+    /// The spline of pieces relative to `origin`.
+    fn of_pieces(origin: &[f64; 3], mut pieces: Vec<Piece>, length_mm: f64) -> Option<Self> {
         let mut moves = [false; 3];
         for piece in &mut pieces {
             for axis in 0..3 {

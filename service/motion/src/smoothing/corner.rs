@@ -59,7 +59,7 @@ pub(super) struct Rounding {
 
 /// Distances of the second and third control point from a corner between lines, as shares of the cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Shape {
+pub(super) struct Shape {
     second: f64,
     third: f64,
 }
@@ -76,7 +76,7 @@ pub enum CornerSpeed {
 
 impl Shape {
     /// The shape for a corner with the sine of half its deflection.
-    fn at(speed: CornerSpeed, half_sine: f64) -> Self {
+    pub(super) fn at(speed: CornerSpeed, half_sine: f64) -> Self {
         match speed {
             CornerSpeed::Steady => Self::of(half_sine),
             CornerSpeed::Changing => Self::for_changing_speed(half_sine),
@@ -99,8 +99,14 @@ impl Shape {
         Self { second: 0.6 - 0.2 * share, third: 0.2 - 0.1 * share }
     }
 
+    /// (A − D)/d with these weights of the control points: how far before the corner, from 1 at the cut to 0 in the middle of the curve.
+    fn before_corner(&self, weights: &[f64; 6]) -> f64 {
+        let shares = [1.0, self.second, self.third];
+        (0..3).map(|index| (weights[index] - weights[5 - index]) * shares[index]).sum()
+    }
+
     /// Deviation between lines as a share of d·sin(θ/2).
-    fn deviation(&self) -> f64 {
+    pub(super) fn deviation(&self) -> f64 {
         (1.0 + 5.0 * self.second + 10.0 * self.third) / 16.0
     }
 }
@@ -109,6 +115,21 @@ impl Rounding {
     /// The same between lines with less cut off.
     pub(super) fn with_cut(self, cut_mm: f64) -> Self {
         Self { cut_mm, deviation_mm: self.deviation_mm * (cut_mm / self.cut_mm), ..self }
+    }
+
+    /// Where a place of the curve belongs to on the path: so far behind the corner, mm, at a share of the curve's parameter.
+    pub(super) fn behind_corner_mm(&self, share: f64) -> f64 {
+        -self.cut_mm * self.shape.before_corner(&bernstein(share))
+    }
+
+    /// Control points of an axis from its values, and its first and second derivatives by arc length, at both cuts.
+    pub(super) fn axis_points(&self, [from, to]: [[f64; 3]; 2]) -> [f64; 6] {
+        let [near, far] = [(1.0 - self.shape.second) * self.cut_mm, (1.0 - self.shape.third) * self.cut_mm];
+        let points = |[value, slope, bend]: [f64; 3], sign: f64| {
+            [value, value + sign * near * slope, value + sign * far * slope + 1.25 * near * near * bend]
+        };
+        let ([a, b, c], [f, e, d]) = (points(from, 1.0), points(to, -1.0));
+        [a, b, c, d, e, f]
     }
 
     /// The curve from the end of one element, cut back already, to the start of the other.
@@ -133,10 +154,7 @@ impl Rounding {
             let mut curve = [[0.0; 3]; CORNER_HALF_SAMPLES];
             for (index, (s, curve)) in s.iter_mut().zip(&mut curve).enumerate() {
                 let weights = bernstein(0.5 * (index + 1) as f64 / CORNER_HALF_SAMPLES as f64);
-                // (A − D)/d: how far from the corner, from 1 at the cut to 0 in the middle of the curve.
-                let shares = [1.0, self.shape.second, self.shape.third];
-                let share: f64 = (0..3).map(|index| (weights[index] - weights[5 - index]) * shares[index]).sum();
-                let from_corner_mm = share * self.cut_mm;
+                let from_corner_mm = self.shape.before_corner(&weights) * self.cut_mm;
                 *s = if is_before { element.length - from_corner_mm } else { from_corner_mm };
                 *curve =
                     weights.iter().zip(&points).fold([0.0; 3], |at, (&weight, &point)| sum(at, scaled(point, weight)));
@@ -162,15 +180,17 @@ pub(super) fn between_lines(
     tolerance_mm: f64,
     most_cut_mm: f64,
 ) -> Option<Rounding> {
-    line_rounding(before, after, tolerance_mm, most_cut_mm, CornerSpeed::Steady)
+    let shape = |half_sine: f64| Shape::at(CornerSpeed::Steady, half_sine);
+    line_rounding(before, after, tolerance_mm, most_cut_mm, shape)
 }
 
-fn line_rounding(
+/// [`between_lines`] in the shape for a corner with the sine of half its deflection.
+pub(super) fn line_rounding(
     before: &Element,
     after: &Element,
     tolerance_mm: f64,
     most_cut_mm: f64,
-    speed: CornerSpeed,
+    shape: impl Fn(f64) -> Shape,
 ) -> Option<Rounding> {
     let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
     // A direction that is no number is refused as well.
@@ -180,7 +200,7 @@ fn line_rounding(
     }
     // |τ₁ − τ₀| = 2·sin(θ/2).
     let half_sine = 0.5 * norm(difference(to.tangent, from.tangent));
-    let shape = Shape::at(speed, half_sine);
+    let shape = shape(half_sine);
     let cut_mm = ((tolerance_mm - UNUSED_TOLERANCE_MM) / (shape.deviation() * half_sine)).min(most_cut_mm);
     let deviation_mm = shape.deviation() * half_sine * cut_mm;
     (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, deviation_mm, shape })
@@ -249,7 +269,7 @@ fn fitted(
     }
     let most_cut_mm = if kink > TANGENT_TOLERANCE_RAD { most_cut_mm } else { most_cut_mm.min(CURVE_MOST_END_MM) };
     if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
-        return line_rounding(before, after, tolerance_mm, most_cut_mm, speed);
+        return line_rounding(before, after, tolerance_mm, most_cut_mm, |half_sine| Shape::at(speed, half_sine));
     }
     let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
     let shape = Shape::at(speed, 0.5 * kink);

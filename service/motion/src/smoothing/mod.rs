@@ -37,6 +37,7 @@ use feedwave_program::{Axis, PathControl};
 use serde::{Deserialize, Serialize};
 
 pub use self::corner::CornerSpeed;
+use self::corner::Rounding;
 use self::curve::Open;
 use self::joint::Joint;
 pub use self::origin::{Deviation, Origin};
@@ -119,6 +120,8 @@ pub struct Joining<'a> {
     pub many_blocks: bool,
     /// At the corners of blocks that may become one curve.
     pub corner_speed: CornerSpeed,
+    /// How corners under tool centre point control are rounded; without it they stay.
+    pub corners: Option<FiveAxisCorners<'a>>,
 }
 
 /// An element in the smoother.
@@ -157,7 +160,7 @@ impl<T> Default for PathSmoother<T> {
 }
 
 impl<T: Carried> PathSmoother<T> {
-    /// Adds the next element and gives on what is settled by it. Corners between five-axis elements stay.
+    /// Adds the next element and gives on what is settled by it.
     pub fn push(
         &mut self,
         element: Element,
@@ -166,34 +169,8 @@ impl<T: Carried> PathSmoother<T> {
         joining: Joining<'_>,
         emit: &mut impl FnMut(Smoothed<T>),
     ) {
-        self.push_next(element, control, carried, joining, None, emit);
-    }
-
-    /// [`PathSmoother::push`] of an element under tool centre point control.
-    pub fn push_guided(
-        &mut self,
-        element: Element,
-        control: PathControl,
-        carried: T,
-        joining: Joining<'_>,
-        corners: FiveAxisCorners<'_>,
-        emit: &mut impl FnMut(Smoothed<T>),
-    ) {
-        self.push_next(element, control, carried, joining, Some(corners), emit);
-    }
-
-    fn push_next(
-        &mut self,
-        element: Element,
-        control: PathControl,
-        carried: T,
-        joining: Joining<'_>,
-        corners: Option<FiveAxisCorners<'_>>,
-        emit: &mut impl FnMut(Smoothed<T>),
-    ) {
         let full_length_mm = element.length;
-        let joins = joining.many_blocks && corners.is_none();
-        let (start_is_cut, joint) = (false, Joint::Unknown);
+        let (start_is_cut, joins, joint) = (false, joining.many_blocks, Joint::Unknown);
         let next = Entry {
             element,
             control,
@@ -213,14 +190,14 @@ impl<T: Carried> PathSmoother<T> {
         if next.merge_tolerance_mm().is_some() {
             self.run = Some(next);
         } else {
-            self.join(next, joining, corners, emit);
+            self.join(next, joining, emit);
         }
     }
 
     /// Gives on everything that is held: the last end point stays exact.
     pub fn flush(&mut self, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         self.end_run(joining, emit);
-        self.advance(true, joining, None, emit);
+        self.advance(true, joining, emit);
         self.passed = Passed::default();
         self.trail.clear();
     }
@@ -256,33 +233,21 @@ impl<T: Carried> PathSmoother<T> {
     fn end_run(&mut self, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         self.between.clear();
         if let Some(run) = self.run.take() {
-            self.join(run, joining, None, emit);
+            self.join(run, joining, emit);
         }
     }
 
     /// Takes the next element and gives on what is settled by it.
-    fn join(
-        &mut self,
-        next: Entry<T>,
-        joining: Joining<'_>,
-        corners: Option<FiveAxisCorners<'_>>,
-        emit: &mut impl FnMut(Smoothed<T>),
-    ) {
+    fn join(&mut self, next: Entry<T>, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         if let Some(before) = self.pending.back_mut() {
             before.joint = before.joint_to(&next, joining.machine);
         }
         self.pending.push_back(next);
-        self.advance(false, joining, corners, emit);
+        self.advance(false, joining, emit);
     }
 
     /// Gives on what is settled.
-    fn advance(
-        &mut self,
-        is_last: bool,
-        joining: Joining<'_>,
-        corners: Option<FiveAxisCorners<'_>>,
-        emit: &mut impl FnMut(Smoothed<T>),
-    ) {
+    fn advance(&mut self, is_last: bool, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         loop {
             if self.open.is_some() {
                 if !self.advance_curve(is_last, joining, emit) {
@@ -309,7 +274,7 @@ impl<T: Carried> PathSmoother<T> {
                 None => return,
                 Some(true) => self.open_curve(emit),
                 Some(false) if self.waits_for_ways(is_last, joining) => return,
-                Some(false) => self.round_front(joining, corners, emit),
+                Some(false) => self.round_front(joining, emit),
             }
         }
     }
@@ -326,17 +291,12 @@ impl<T: Carried> PathSmoother<T> {
     }
 
     /// Gives on the first element and the curve at its corner to the next, if it has one.
-    fn round_front(
-        &mut self,
-        joining: Joining<'_>,
-        corners: Option<FiveAxisCorners<'_>>,
-        emit: &mut impl FnMut(Smoothed<T>),
-    ) {
+    fn round_front(&mut self, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         let stops = self.stops_behind(0, true) == Some(true);
         self.pass(1);
         let Some(mut front) = self.pending.pop_front() else { return };
         let next = self.pending.front_mut().filter(|_| !stops);
-        let corner = next.and_then(|next| front.round_corner(next, joining, corners));
+        let corner = next.and_then(|next| front.round_corner(next, joining));
         self.give(front.finish(), emit);
         if let Some(corner) = corner {
             self.give(corner, emit);
@@ -403,7 +363,8 @@ impl<T: Carried> Entry<T> {
             return Joint::Fixed;
         }
         if matches!(self.element.curve, Curve::FiveAxis(_)) {
-            return Joint::Corner { reach_mm: 0.0, kink: 0.0, stop_from_mm: f64::INFINITY, way: Way::Open };
+            let corner = |kink| Joint::Corner { reach_mm: 0.0, kink, stop_from_mm: f64::INFINITY, way: Way::Open };
+            return guided::kink(&self.element, &next.element, machine).map_or(Joint::Fixed, corner);
         }
         let mut joint = Joint::between(&self.element, &next.element, left_mm, self.corner_speed);
         if let Joint::Corner { stop_from_mm, reach_mm, .. } = &mut joint
@@ -420,12 +381,7 @@ impl<T: Carried> Entry<T> {
     }
 
     /// Cuts this element and the next one back for the curve between them.
-    fn round_corner(
-        &mut self,
-        next: &mut Self,
-        joining: Joining<'_>,
-        corners: Option<FiveAxisCorners<'_>>,
-    ) -> Option<Smoothed<T>> {
+    fn round_corner(&mut self, next: &mut Self, joining: Joining<'_>) -> Option<Smoothed<T>> {
         let merged_mm = self.merged_with(next);
         let tolerance_mm = self.corner_tolerance_mm()? - merged_mm;
         if !next.is_smoothable() || self.element.work_offset != next.element.work_offset {
@@ -434,25 +390,7 @@ impl<T: Carried> Entry<T> {
         // Of a long element before a curve, most may have been given on.
         let most_cut_mm = (CORNER_SHARE * self.full_length_mm.min(next.full_length_mm)).min(self.element.length);
         let carried = self.carried.at_corner(&next.carried)?;
-        let guided = [&self.element, &next.element].map(|element| matches!(element.curve, Curve::FiveAxis(_)));
-        if guided != [false; 2] {
-            let corners = corners.filter(|_| guided == [true; 2])?;
-            let rounded = guided::round(&corners, &self.element, &next.element, tolerance_mm, most_cut_mm)?;
-            let ([before, element, after], deviation_mm) = rounded;
-            (self.element, next.element) = (before, after);
-            let fills_blocks = element.length >= ALMOST * 2.0 * most_cut_mm;
-            return Some(Smoothed::corner(element, carried, merged_mm + deviation_mm, fills_blocks));
-        }
-        let rounding = if self.joins && next.joins {
-            corner::rounding_or_ramp(&self.element, &next.element, tolerance_mm, most_cut_mm, self.corner_speed)
-        } else {
-            corner::rounding(&self.element, &next.element, tolerance_mm, most_cut_mm)
-        }?;
-        let before = self.element.part(0.0, self.element.length - rounding.cut_mm)?;
-        let after = next.element.part(rounding.cut_mm, next.element.length)?;
-        let spline = Spline::from_polynomial_spans(&[rounding.curve(&before, &after)])?;
-        let source = after.source;
-        let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
+        let ([before, element, after], rounding) = self.rounded(next, [tolerance_mm, most_cut_mm], joining)?;
         // Where the path does not rest without the curve, or changes its speed along it, the curve never costs time.
         let would_rest = matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
         let is_open = would_rest && self.joint.way() != Way::Rounded;
@@ -481,6 +419,33 @@ impl<T: Carried> Entry<T> {
         next.start_is_cut = true;
         let fills_blocks = rounding.cut_mm >= ALMOST * most_cut_mm;
         Some(Smoothed::corner(element, carried, merged_mm + rounding.deviation_mm, fills_blocks))
+    }
+
+    /// This element and the next one cut back, with the curve between them, within a tolerance and with no more cut than this, mm.
+    fn rounded(
+        &self,
+        next: &Self,
+        [tolerance_mm, most_cut_mm]: [f64; 2],
+        joining: Joining<'_>,
+    ) -> Option<([Element; 3], Rounding)> {
+        let [before, after] = [&self.element, &next.element];
+        let guided = [before, after].map(|element| matches!(element.curve, Curve::FiveAxis(_)));
+        if guided != [false; 2] {
+            let corners = joining.corners.filter(|_| guided == [true; 2])?;
+            let shape = guided::shape([before, after], self.joint.kink()?, self.corner_speed);
+            return guided::round(&corners, [before, after], [tolerance_mm, most_cut_mm], shape);
+        }
+        let rounding = if self.joins && next.joins {
+            corner::rounding_or_ramp(before, after, tolerance_mm, most_cut_mm, self.corner_speed)
+        } else {
+            corner::rounding(before, after, tolerance_mm, most_cut_mm)
+        }?;
+        let before = before.part(0.0, before.length - rounding.cut_mm)?;
+        let after = after.part(rounding.cut_mm, after.length)?;
+        let spline = Spline::from_polynomial_spans(&[rounding.curve(&before, &after)])?;
+        let source = after.source;
+        let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
+        Some(([before, element, after], rounding))
     }
 
     /// The larger deviation that merging has used, of two elements, mm.

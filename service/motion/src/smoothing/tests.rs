@@ -22,7 +22,7 @@ pub(super) const fn within(tolerance_mm: f64, merge_tolerance_mm: f64) -> PathCo
 
 /// Each corner by itself.
 const fn each_corner(machine: &Machine) -> Joining<'_> {
-    Joining { machine, many_blocks: false, corner_speed: CornerSpeed::Steady }
+    Joining { machine, many_blocks: false, corner_speed: CornerSpeed::Steady, corners: None }
 }
 
 pub(super) type Block = (Element, PathControl, Cut);

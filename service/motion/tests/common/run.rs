@@ -41,7 +41,7 @@ pub fn smoothed_elements(
     machine: &Machine,
     corner_speed: CornerSpeed,
 ) -> Vec<Smoothed<Cut>> {
-    let joining = Joining { machine, many_blocks: true, corner_speed };
+    let joining = Joining { machine, many_blocks: true, corner_speed, corners: None };
     let mut smoother = PathSmoother::default();
     let mut run = Vec::new();
     for element in elements {

@@ -3,7 +3,7 @@
 use feedwave_motion::Planner;
 use feedwave_program::{FindingLog, GuidedMove, MoveKind, PathControl, SourceSpan};
 
-use super::Builder;
+use super::{Builder, joining};
 use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
 use crate::functions::five_axis::{Guided, no_kinematics};
@@ -48,7 +48,6 @@ impl Builder {
             Some(Guided::Elements(motion)) => motion,
             None => return,
         };
-        let Some(guide) = self.guide.clone() else { return };
         let mv = &guided.step;
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting && !motion.elements.is_empty() {
@@ -64,8 +63,7 @@ impl Builder {
             analysis.moves += 1;
             analysis.cutting_moves += u64::from(cutting);
         }
-        let corners = guide.corners(&config.guide_inputs());
-        let joining = self.joining(config);
+        let joining = joining(&self.state.functions, self.guide.as_ref(), config);
         let mut elements = motion.elements.into_iter().peekable();
         while let Some(element) = elements.next() {
             check_travel(&element, &config.profile.machine, findings);
@@ -76,7 +74,7 @@ impl Builder {
             let control = if is_inner { PathControl::ExactPath } else { mv.path_control };
             let smoothed = &mut self.smoothed;
             let mut take = |element| smoothed.push(element);
-            self.state.smoother.push_guided(element, control, cut, joining, corners, &mut take);
+            self.state.smoother.push(element, control, cut, joining, &mut take);
         }
         self.run_smoothed(config, planner, findings);
     }

@@ -98,6 +98,16 @@ pub(crate) struct Builder {
     smoothed: Vec<Smoothed<Cut>>,
 }
 
+/// How corners are passed. What is superposed is shaped by the programmed blocks and their corners.
+fn joining<'a>(functions: &Functions, guide: Option<&'a Guide>, config: &'a PipelineConfig) -> Joining<'a> {
+    Joining {
+        machine: &config.profile.machine,
+        many_blocks: !functions.vibration.is_on() && !functions.oscillation.is_on(),
+        corner_speed: config.profile.corner_speed(),
+        corners: guide.map(|guide| guide.corners(&config.guide_inputs())),
+    }
+}
+
 impl BuilderState {
     /// The state at the start of a program, with the axes at this machine position.
     pub(crate) fn at(position: Position) -> Self {
@@ -178,7 +188,7 @@ impl Builder {
 
     /// Plans what path smoothing holds back.
     pub(crate) fn flush(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
-        let joining = self.joining(config);
+        let joining = joining(&self.state.functions, self.guide.as_ref(), config);
         self.state.smoother.flush(joining, &mut |smoothed| self.smoothed.push(smoothed));
         self.run_smoothed(config, planner, findings);
     }
@@ -317,7 +327,7 @@ impl Builder {
             analysis.cutting_moves += u64::from(cutting);
         }
         let cut = Cut::of(mv, &element);
-        let joining = self.joining(config);
+        let joining = joining(&self.state.functions, self.guide.as_ref(), config);
         let mut parts = element.smooth_parts().into_iter().peekable();
         while let Some(part) = parts.next() {
             // The block stops at its own end only.
@@ -326,13 +336,6 @@ impl Builder {
             self.state.smoother.push(part, control, cut, joining, &mut |smoothed| self.smoothed.push(smoothed));
         }
         self.run_smoothed(config, planner, findings);
-    }
-
-    /// How corners are passed. What is superposed is shaped by the programmed blocks and their corners.
-    fn joining<'a>(&self, config: &'a PipelineConfig) -> Joining<'a> {
-        let functions = &self.state.functions;
-        let many_blocks = !functions.vibration.is_on() && !functions.oscillation.is_on();
-        Joining { machine: &config.profile.machine, many_blocks, corner_speed: config.profile.corner_speed() }
     }
 
     /// Plans what came out of the smoother.

@@ -142,7 +142,7 @@ impl ToolPath {
 
 /// What is superposed is shaped by the programmed blocks and their corners.
 fn joining(cutting: ToolMotion, machine: &Machine, corner_speed: CornerSpeed) -> Joining<'_> {
-    Joining { machine, many_blocks: cutting == ToolMotion::Cutting, corner_speed }
+    Joining { machine, many_blocks: cutting == ToolMotion::Cutting, corner_speed, corners: None }
 }
 
 impl Follower {

@@ -1,10 +1,9 @@
 //! The element that rounds a corner between two five-axis blocks: the tool centre point along a curve, and the rotary axes
 //! with the angles, velocities and accelerations of both blocks at its ends.
 //!
-//! With the rotary axes as quintic polynomials of the arc length, and a curve that continues direction and curvature of both
-//! blocks, every machine axis passes both ends of the corner with a continuous second derivative: the linear axes are smooth
-//! functions of both. Between blocks whose angles change by θ₀′ and θ₁′ per length, the polynomial is nowhere farther than
-//! 3/32·|θ₁′ − θ₀′|·L from them, L being the length of the corner.
+//! The rotary axes are Bézier curves of the parameter of the tool centre point's curve, with their angles, and the velocities and
+//! accelerations of both blocks by its arc length at the ends: every machine axis passes both ends of the corner with a continuous
+//! second derivative, as the linear axes are smooth functions of both.
 
 use feedwave_program::Position;
 
@@ -16,8 +15,6 @@ use crate::{Curve, Element, Spline};
 
 /// Places in each half of a corner at which directions are compared.
 const HALF_SAMPLES: usize = 8;
-/// Largest angle of a polynomial from the blocks, as a share of the change of slope times the length.
-const QUINTIC_DEVIATION: f64 = 3.0 / 32.0;
 /// Step for the change of direction by a small turn, mm: far below what a direction changes in, far above rounding.
 const SLOPE_STEP_MM: f64 = 1e-4;
 
@@ -30,7 +27,7 @@ pub struct FiveAxisCorners<'a> {
     pub direction_tolerance_rad: f64,
 }
 
-/// The rotary axes along a corner: polynomials of the share of its length, rad.
+/// The rotary axes along a corner: control points of Bézier curves of the parameter of the tool centre point's curve, rad.
 pub(crate) type Turns = [[f64; 6]; 2];
 
 impl FiveAxisCorners<'_> {
@@ -38,64 +35,62 @@ impl FiveAxisCorners<'_> {
         self.kinematics.from_position(position).rotary_rad
     }
 
-    /// Length of corner, mm, by which the tolerance is used up about; infinite where the direction goes straight on.
-    pub(crate) fn longest_mm(&self, before: &Element, after: &Element) -> f64 {
+    /// Length to cut from both blocks, mm, by which the tolerance is used up about; infinite where the direction goes straight on.
+    /// `deviation` is how far a curve is from its corner, as a share of the cut and half the difference of the directions.
+    pub(crate) fn longest_cut_mm(&self, before: &Element, after: &Element, deviation: f64) -> f64 {
         let at_rad = self.rotary(&before.end);
         let slopes = [before.tangent(before.length), after.tangent(0.0)].map(|slope| self.rotary(&slope));
         let turned = [0, 1].map(|axis| at_rad[axis] + (slopes[1][axis] - slopes[0][axis]) * SLOPE_STEP_MM);
         let directions = self.kinematics.rotary_directions();
         let kink_per_mm = angle(directions.at(at_rad), directions.at(turned)) / SLOPE_STEP_MM;
-        self.direction_tolerance_rad / (QUINTIC_DEVIATION * kink_per_mm)
+        self.direction_tolerance_rad / (0.5 * deviation * kink_per_mm)
     }
 
-    /// The rotary axes from the end of one block, cut back already, to the start of the other, over a corner of this length.
-    pub(crate) fn turns(&self, before: &Element, after: &Element, length_mm: f64) -> Turns {
+    /// Both rotary axes, rad, with their first and second derivatives by arc length, at the end of one block, cut back already, and at
+    /// the start of the other.
+    pub(crate) fn ends(&self, before: &Element, after: &Element) -> [[[f64; 3]; 2]; 2] {
         let ends = [(before, before.length), (after, 0.0)].map(|(element, s)| {
-            let [value, slope, bend] = [element.position(s), element.tangent(s), element.second_derivative(s)];
-            [self.rotary(&value), self.rotary(&slope), self.rotary(&bend)]
+            [element.position(s), element.tangent(s), element.second_derivative(s)].map(|values| self.rotary(&values))
         });
-        let square = length_mm * length_mm;
-        core::array::from_fn(|axis| {
-            let [[p, v, a], [q, w, b]] =
-                ends.map(|[value, slope, bend]| [value[axis], slope[axis] * length_mm, bend[axis] * square]);
-            let travel = q - p;
-            [
-                p,
-                v,
-                0.5 * a,
-                10.0 * travel - 6.0 * v - 4.0 * w - 1.5 * a + 0.5 * b,
-                -15.0 * travel + 8.0 * v + 7.0 * w + 1.5 * a - b,
-                6.0 * travel - 3.0 * (v + w) - 0.5 * a + 0.5 * b,
-            ]
-        })
+        core::array::from_fn(|axis| ends.map(|of_end| of_end.map(|values| values[axis])))
     }
 
-    /// Largest angle between the direction along a corner and that of the blocks at the place that belongs to it, rad, where
-    /// `cut_mm` is cut from both of them.
-    pub(crate) fn deviation_rad(&self, [before, after]: [&Element; 2], cut_mm: f64, turns: &Turns) -> f64 {
+    /// Largest angle between the direction along a corner and that of the blocks at the place that belongs to it, rad; `place_mm` gives
+    /// that place behind the corner by the parameter of the curve.
+    pub(crate) fn deviation_rad(
+        &self,
+        [before, after]: [&Element; 2],
+        place_mm: impl Fn(f64) -> f64,
+        turns: &Turns,
+    ) -> f64 {
         let directions = self.kinematics.rotary_directions();
         let mut largest = 0.0_f64;
         for sample in 1..2 * HALF_SAMPLES {
             let share = sample as f64 / (2 * HALF_SAMPLES) as f64;
-            let from_corner_mm = (2.0 * share - 1.0) * cut_mm;
-            let programmed = if from_corner_mm < 0.0 {
-                before.position(before.length + from_corner_mm)
-            } else {
-                after.position(from_corner_mm)
-            };
-            let taken = turns.map(|turn| turn.iter().rev().fold(0.0, |sum, coefficient| sum * share + coefficient));
+            let behind_mm = place_mm(share);
+            let programmed =
+                if behind_mm < 0.0 { before.position(before.length + behind_mm) } else { after.position(behind_mm) };
+            let taken = turns.map(|turn| de_casteljau(turn, share));
             largest = largest.max(angle(directions.at(self.rotary(&programmed)), directions.at(taken)));
         }
         largest
     }
 
-    /// The element along a curve from the end of one block, cut back already, to the start of the other; `None` where a
-    /// rotary axis would leave its range, or the axes cannot follow.
-    pub(crate) fn element(&self, before: &Element, after: &Element, tip: Spline, turns: Turns) -> Option<Element> {
+    /// The element along a curve, by its control points, from the end of one block, cut back already, to the start of the other; `None`
+    /// where a rotary axis would leave its range, or the axes cannot follow.
+    pub(crate) fn element(
+        &self,
+        before: &Element,
+        after: &Element,
+        tip: &[[f64; 3]; 6],
+        turns: &Turns,
+    ) -> Option<Element> {
         let Curve::FiveAxis(own) = &before.curve else { return None };
+        let turns = core::array::from_fn(|k| [turns[0][k], turns[1][k], 0.0]);
+        let [tip, turns] = Spline::with_others(tip, &turns)?;
         let length = tip.length_mm();
         let tip = TipPath::spline(tip);
-        let curve = fit(self.kinematics, own.setup(), &before.end, &RotaryPath::Quintics(turns), tip, length).ok()?;
+        let curve = fit(self.kinematics, own.setup(), &before.end, &RotaryPath::Along(&turns), tip, length).ok()?;
         curve.check_start(&before.end).ok()?;
         for (axis, range) in self.kinematics.ranges() {
             curve.check_range(axis, range).ok()?;
@@ -110,4 +105,14 @@ impl FiveAxisCorners<'_> {
             rapid: false,
         })
     }
+}
+
+/// A Bézier curve at a parameter from 0 to 1.
+fn de_casteljau(mut points: [f64; 6], share: f64) -> f64 {
+    for count in (1..points.len()).rev() {
+        for k in 0..count {
+            points[k] += (points[k + 1] - points[k]) * share;
+        }
+    }
+    points[0]
 }

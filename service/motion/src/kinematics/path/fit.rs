@@ -10,7 +10,8 @@ use smallvec::SmallVec;
 use super::block::FiveAxisRefusal;
 use super::series::{Series, SeriesVec};
 use super::turning::Turning;
-use crate::element::{COEFFICIENTS, FiveAxis, FiveAxisPiece, shifted};
+use crate::Spline;
+use crate::element::{COEFFICIENTS, FiveAxis, FiveAxisPiece};
 use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
 use crate::kinematics::range::nearest_turn;
 use crate::kinematics::tip::TipPath;
@@ -31,8 +32,8 @@ pub(in crate::kinematics) enum RotaryPath<'a> {
     Angles { start_rad: [f64; 2], end_rad: [f64; 2] },
     /// Along a great circle.
     GreatCircle(&'a Turning),
-    /// By polynomials of the share of the length, rad.
-    Quintics([[f64; 6]; 2]),
+    /// As the first two coordinates along the arc length, rad, on the stretches of the tool centre point's curve.
+    Along(&'a Spline),
 }
 
 impl RotaryPath<'_> {
@@ -43,10 +44,10 @@ impl RotaryPath<'_> {
                 Series::linear(start_rad[axis] + travel * share, travel * half)
             })),
             Self::GreatCircle(turning) => turning.series(share, half),
-            Self::Quintics(polynomials) => Ok(polynomials.map(|polynomial| {
-                let shifted = shifted(polynomial, share, half);
-                Series(core::array::from_fn(|k| shifted.get(k).copied().unwrap_or_default()))
-            })),
+            Self::Along(turns) => {
+                let about = turns.about(share * turns.length_mm(), half * turns.length_mm());
+                Ok([0, 1].map(|axis| Series(core::array::from_fn(|k| about[axis].get(k).copied().unwrap_or_default()))))
+            }
         }
     }
 
@@ -84,7 +85,7 @@ pub(in crate::kinematics) fn fit(
         RotaryPath::GreatCircle(turning) => {
             turning.bends().into_iter().filter(|bend| (0.0..1.0).contains(bend)).collect()
         }
-        RotaryPath::Angles { .. } | RotaryPath::Quintics(_) => SmallVec::new(),
+        RotaryPath::Angles { .. } | RotaryPath::Along(_) => SmallVec::new(),
     };
     if let TipPath::Spline(curve) = &tip {
         bends.extend(curve.spline().meetings().map(|s| s / length));

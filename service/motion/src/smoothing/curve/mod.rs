@@ -94,10 +94,15 @@ fn exact(element: &Element, s: f64) -> State {
     }
 }
 
-impl<T> Entry<T> {
+impl<T: Carried> Entry<T> {
     /// Whether it can be part of a curve over many blocks.
     pub(super) fn is_joinable(&self) -> bool {
         self.joins && matches!(self.element.curve, Curve::Line | Curve::Arc(_))
+    }
+
+    /// Whether ways to pass its corners may be tried.
+    pub(super) fn may_be_tried(&self) -> bool {
+        self.is_joinable() || self.joins && matches!(self.element.curve, Curve::FiveAxis(_)) && self.is_smoothable()
     }
 
     /// Largest part of the reaches of the corners before and behind `next` that it may be long to be part of one curve over both.
@@ -281,7 +286,7 @@ impl<T: Carried> PathSmoother<T> {
         let found = self.fit(&path, &open, window, joining.machine);
         match found.or_else(|| self.rest_of_before(&path, &open, joining.machine)) {
             Some((settled, rest)) => self.go_on(open, settled, rest, window.is_whole, emit),
-            None => self.round_front(joining, None, emit),
+            None => self.round_front(joining, emit),
         }
         true
     }

@@ -9,7 +9,7 @@ use super::super::{CornerSpeed, Joining, Origin, PathSmoother, Smoothed};
 use crate::{Curve, Element, Machine, MachineAxis};
 
 fn curve(machine: &Machine) -> Joining<'_> {
-    Joining { machine, many_blocks: true, corner_speed: CornerSpeed::Changing }
+    Joining { machine, many_blocks: true, corner_speed: CornerSpeed::Changing, corners: None }
 }
 
 fn smooth_on(blocks: &[Block], machine: &Machine) -> Vec<Smoothed<Cut>> {
