@@ -128,6 +128,8 @@ struct AtLine {
 struct Before {
     tangent: Position,
     rests: bool,
+    /// Whether it stopped there because that is quicker than rounding the corner.
+    stops_by_choice: bool,
     is_free: bool,
 }
 
@@ -169,8 +171,9 @@ impl Slowdowns {
         }
         if *is_last {
             let tangent = motion.element.tangent(motion.element.length);
-            self.before =
-                Some(Before { tangent, rests: motion.rests_at_end(), is_free: moves_freely(&motion.element) });
+            let stops_by_choice = motion.origin() == Origin::BlockToStop;
+            let (rests, is_free) = (motion.rests_at_end(), moves_freely(&motion.element));
+            self.before = Some(Before { tangent, rests, stops_by_choice, is_free });
         }
     }
 
@@ -324,12 +327,15 @@ fn lowest(
         (Origin::Corner { fills_blocks: false }, _) => (SlowdownCause::RoundedCorner, SlowdownCure::Tolerance),
         (Origin::Blocks { like_chords: true }, _) => (SlowdownCause::ShortBlocks, SlowdownCure::Arc),
         (Origin::Blocks { like_chords: false }, _) => (SlowdownCause::ShortBlocks, SlowdownCure::Tolerance),
-        (Origin::Block, Curve::Line) => (SlowdownCause::Corner, SlowdownCure::Tolerance),
-        (Origin::Block, _) if is_turning => (SlowdownCause::Curve, SlowdownCure::of(turning.2)),
-        (Origin::Block, _) => (SlowdownCause::Corner, SlowdownCure::Tolerance),
+        (Origin::Block | Origin::BlockToStop, Curve::Line) => (SlowdownCause::Corner, SlowdownCure::Tolerance),
+        (Origin::Block | Origin::BlockToStop, _) if is_turning => (SlowdownCause::Curve, SlowdownCure::of(turning.2)),
+        (Origin::Block | Origin::BlockToStop, _) => (SlowdownCause::Corner, SlowdownCure::Tolerance),
     };
-    let cannot_be_rounded = cure == SlowdownCure::Tolerance && (turns_back || !is_free);
-    let cure = if cannot_be_rounded { SlowdownCure::Jerk } else { cure };
+    let by_choice = at_start && before.is_some_and(|before| before.stops_by_choice)
+        || at_end && motion.origin() == Origin::BlockToStop;
+    // Neither has a tolerance that would help, or it has one already; a stop is over sooner with more jerk.
+    let stays = cure == SlowdownCure::Tolerance && (turns_back || !is_free || by_choice);
+    let cure = if stays { SlowdownCure::Jerk } else { cure };
     let axis = if is_turning && !stops { turning.1 } else { ahead.1 };
     Lowest { speed, source: element.source, cause, cure, axis, turning: turning.0 }
 }

@@ -63,7 +63,14 @@ impl Joint {
         }
     }
 
-    /// The same, where a place that stays as it is counts as the sharpest.
+    /// Decides that the path stops in it, where a curve could pass it.
+    pub(super) fn stop(&mut self) {
+        if let Self::Corner { way, .. } = self {
+            *way = Way::Stop;
+        }
+    }
+
+    /// [`Joint::kink`], where a place that stays as it is counts as the sharpest.
     pub(super) fn turn(&self) -> f64 {
         self.kink().unwrap_or(f64::INFINITY)
     }

@@ -295,6 +295,9 @@ impl<T: Carried> PathSmoother<T> {
         let stops = self.stops_behind(0, true) == Some(true);
         self.pass(1);
         let Some(mut front) = self.pending.pop_front() else { return };
+        if stops {
+            front.joint.stop();
+        }
         let next = self.pending.front_mut().filter(|_| !stops);
         let corner = next.and_then(|next| front.round_corner(next, joining));
         self.give(front.finish(), emit);
@@ -410,6 +413,7 @@ impl<T: Carried> Entry<T> {
                 }),
             };
             if !is_rounded {
+                self.joint.stop();
                 return None;
             }
         }
@@ -459,8 +463,9 @@ impl<T: Carried> Entry<T> {
 
     fn finish(self) -> Smoothed<T> {
         let (rest_at_end, deviation) = (self.rests_at_end(), self.merged.behind(0.0, self.element.length));
+        let origin = if self.joint.way() == Way::Stop { Origin::BlockToStop } else { Origin::Block };
         let Self { element, carried, blocks, .. } = self;
-        Smoothed { element, carried, blocks, rest_at_end, origin: Origin::Block, deviation }
+        Smoothed { element, carried, blocks, rest_at_end, origin, deviation }
     }
 }
 

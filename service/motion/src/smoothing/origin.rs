@@ -13,6 +13,8 @@ pub enum Origin {
     /// A programmed block, several that lie in one line, or what corners leave of them.
     #[default]
     Block,
+    /// The same, where the corner at its end stays because a stop in it takes less time than rounding it within the tolerance.
+    BlockToStop,
     /// The curve in place of a corner, or a ramp of curvature between tangent blocks.
     Corner {
         /// Whether the blocks beside it have no room for a longer one, whatever the tolerance.
