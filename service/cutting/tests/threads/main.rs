@@ -330,6 +330,60 @@ fn what_spoils_the_chip_is_said() {
     assert!(changed.contains(&"THREAD-SPEED-CHANGED".to_owned()), "{changed:?}");
 }
 
+/// Cures of the finding of a code: their texts, and the words that they put in place.
+fn cures(report: &ValidationReport, code: &str) -> Vec<(String, Option<String>)> {
+    let found = report.findings.iter().find(|finding| finding.code == code);
+    let found = found.unwrap_or_else(|| panic!("{code} is not among {:?}", codes(report)));
+    let cure = |cure: &feedwave_program::Suggestion| {
+        (cure.message.to_string(), cure.replacement.as_ref().map(ToString::to_string))
+    };
+    found.suggestions.iter().map(cure).collect()
+}
+
+#[test]
+fn a_word_that_a_cycle_does_not_have_is_named_of_a_block_of_its_own() {
+    let cycle = "G97 S300 M3\nG0 X14 Z5\nG165 P3 X10 Q1.2\nG92 X9 Z-20 F1.5\nX8.6\nX8.6\nG165 P0\nM30\n";
+    let mut config = lathe();
+    config.profile.thread_vibration.even_phase_shift_deg = 40.0;
+    let report = validate(cycle, &config);
+    for code in ["THREAD-PHASE-UNBROKEN", "THREAD-NO-INFEED"] {
+        let of_words = cures(&report, code);
+        assert!(!of_words.is_empty());
+        for (cure, word) in of_words {
+            assert!(cure.ends_with("a cycle has no word for it, a threading block of its own has"), "{cure}");
+            assert_eq!(word, None);
+        }
+    }
+    let blocks = "G97 S300 M3\nG0 X14 Z5\nG165 P3 X10 Q1.2\nG0 X9\nG32 Z-20 F1.5\nG0 X14\nG0 Z5\nG0 X8.6\nG32 Z-20 F1.5\nG0 X14\n\
+                  G165 P0\nM30\n";
+    let of_words = cures(&validate(blocks, &config), "THREAD-PHASE-UNBROKEN");
+    assert!(of_words.iter().all(|(cure, _)| !cure.contains("cycle")), "{of_words:?}");
+}
+
+#[test]
+fn a_ratio_is_a_cure_only_where_it_decides_every_amplitude() {
+    let flank = |second: &str| {
+        format!(
+            "G97 S100 M3\nG0 X14 Z100\nG165 P3 X10 Q1.2\nG0 X9.4\nG32 Z60 F2.5\nG0 X14\nG0 Z100\nG0 X9\nG32 Z60 F2.5 \
+             Q340{second}\nG0 X14\nG165 P0\nM30\n"
+        )
+    };
+    let named = |text: &str| {
+        let cures = cures(&validate(text, &lathe()), "THREAD-CHIP-RIBBON");
+        cures
+            .into_iter()
+            .find_map(|(cure, _)| Some(cure.strip_prefix("use a ratio of ")?.split_once(' ')?.0.to_owned()))
+    };
+    assert_eq!(named(&flank(" A0.5")), None, "the pass has an amplitude of its own");
+    let ratio = named(&flank("")).expect("a ratio");
+    let cured = flank("").replace("Q1.2", &format!("Q{ratio}"));
+    let after = codes(&validate(&cured, &lathe()));
+    assert!(
+        !after.iter().any(|code| code.starts_with("THREAD-CHIP") || code.starts_with("THREAD-VIBRATION")),
+        "{after:?}"
+    );
+}
+
 #[test]
 fn every_start_of_a_thread_has_its_own_infeed() {
     let pass = |x: f64, q: f64| format!("G0 X{x}\nG32 Z60 F5 Q{q}\nG0 X14\nG0 Z100\n");

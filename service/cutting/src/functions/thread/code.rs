@@ -78,7 +78,7 @@ feedwave_program::finding_codes! {
     "THREAD-NO-INFEED" [THREAD_NO_INFEED: Warning] {
         meaning: "a pass goes no deeper than the one before, so that the ratio gives it no vibration",
         cause: "A spring pass, or a finishing pass at the same depth, under `G165`.",
-        cure: "Write its amplitude as A; A0.0 for a pass without vibration.",
+        cure: "Write its amplitude as A; A0.0 for a pass without vibration. A cycle has no such word: cut the pass with `G32`.",
         example: lathe("M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG0 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
     }
 

@@ -2,27 +2,19 @@
 //! what cures it (docs/functions/thread-vibration.md, "Findings").
 
 mod breaking;
+mod demand;
 mod start;
-
-use core::f64::consts::TAU;
 
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::code;
 use super::report::{CrestReport, ThreadPassReport};
-use super::{RunUp, START_JERK, StartUp, ThreadJob, ThreadLimits, ThreadPass, ThreadReport};
-use crate::functions::axis_load::{AxisCodes, AxisLoad};
+use super::{RunUp, ThreadJob, ThreadLimits, ThreadPass, ThreadReport};
 use crate::functions::sampling::{FINE_SAMPLES, Sampling, suggest_period};
 use crate::shared::wording::{decimal, round_down, round_up};
 
 /// Angles that differ by less count as equal, degrees: what a program can write is 0.001°.
 const SAME_ANGLE_DEG: f64 = 0.01;
-/// Tolerance for the rounding of computed limits, which are met exactly.
-const ROUNDING: f64 = 1e-9;
-const AXIS_CODES: AxisCodes =
-    [code::THREAD_VIBRATION_VELOCITY, code::THREAD_VIBRATION_ACCELERATION, code::THREAD_VIBRATION_JERK];
-/// Largest third difference of a step of acceleration at setpoints, as a share of the step over their period.
-const STEP_OVER_PERIOD: f64 = 0.75;
 /// Lengths that differ by less count as equal, mm.
 const SAME_LENGTH_MM: f64 = 1e-9;
 
@@ -35,9 +27,8 @@ pub(super) fn thread(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadRepo
     for (index, pass) in report.passes.iter().enumerate() {
         start::start(job, limits, index, pass, findings);
         if job.passes[index].vibrates() {
-            axis(job, limits, index, findings);
-            step(job, limits, index, findings);
-            breaking::broken(job, report, index, findings);
+            demand::demand(job, limits, index, pass, findings);
+            breaking::broken(job, limits, report, index, findings);
         }
         load(job, limits, index, pass, findings);
     }
@@ -168,94 +159,6 @@ const fn number(index: usize) -> u64 {
     index as u64 + 1
 }
 
-/// What the vibration asks of the axis across the lead: peaks of (A/2)·sin at D·n.
-fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut FindingLog) {
-    let pass = &job.passes[index];
-    let lead_axis = job.geometry.lead_axis;
-    let across = lead_axis.across_words();
-    let rad_per_s = TAU * job.frequency_hz();
-    let velocity = 0.5 * pass.amplitude_mm * rad_per_s;
-    // On a taper it follows the lead as well.
-    let taper = job.geometry.taper.abs() * job.geometry.lead_mm * job.spindle_rev_per_min / 60.0;
-    // A start in the middle of the wave adds to the jerk only.
-    let starts_within = job.start_up == StartUp::Preparatory && job.wave(pass).starts_within();
-    let start_jerk = if starts_within { 1.0 + START_JERK } else { 1.0 };
-    let demanded = [velocity + taper, velocity * rad_per_s, start_jerk * velocity * rad_per_s * rad_per_s];
-    let limits =
-        [limits.vibration_velocity_mm_per_s, limits.vibration_acceleration_mm_per_s2, limits.vibration_jerk_mm_per_s3];
-    for load in AxisLoad::of_linear(demanded, limits).into_iter().filter(|load| load.exceeds(ROUNDING)) {
-        let AxisLoad { quantity, demanded, limit, .. } = load;
-        let message = format!(
-            "the vibration of pass {} takes {} {} of {}' {quantity}, whose limit is {}",
-            index + 1,
-            decimal(demanded, 1),
-            load.unit(),
-            lead_axis.across().letter(),
-            decimal(limit, 1)
-        );
-        let finding = Finding::new(load.code(&AXIS_CODES), pass.amplitude_span(), message).at("pass", number(index));
-        let finding = load.with_numbers(finding, "");
-        let order = load.order();
-        let permitted_mm = round_down(pass.amplitude_mm * share(demanded, limit, taper, order), 4);
-        let finding = if permitted_mm > 0.0 {
-            let cure = format!("the axis can follow {}", pass.amplitude_text(permitted_mm, across));
-            finding.suggest_value(cure, pass.amplitude_replacement(permitted_mm), "amplitude", permitted_mm, "mm")
-        } else {
-            finding
-        };
-        let speed = round_down(job.spindle_rev_per_min * libm::pow(limit / demanded, 1.0 / order), 1);
-        let cure = format!("turn at {} rev/min at most", decimal(speed, 1));
-        findings.push(finding.suggest_value(cure, None, "spindle_speed", speed, "rev/min"));
-    }
-}
-
-/// What the ends of the vibration ask of the axis across the lead: it starts from rest, and comes to rest, at its whole
-/// acceleration (A/2)·(2πDn)². Setpoints spread the step over the period T: their third difference is up to ¾ of it over T,
-/// the peak of the quadratic B-spline.
-fn step(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut FindingLog) {
-    if limits.period_s <= 0.0 {
-        return;
-    }
-    let pass = &job.passes[index];
-    let rad_per_s = TAU * job.frequency_hz();
-    let step = 0.5 * pass.amplitude_mm * rad_per_s * rad_per_s;
-    let (jerk, limit) = (STEP_OVER_PERIOD * step / limits.period_s, limits.vibration_jerk_mm_per_s3);
-    if jerk <= limit * (1.0 + ROUNDING) {
-        return;
-    }
-    let message = format!(
-        "the vibration of pass {} starts or ends with its whole acceleration of {} mm/s²: at this period a jerk of up to {} \
-         mm/s³ of {}, whose limit is {}",
-        number(index),
-        decimal(step, 1),
-        decimal(jerk, 0),
-        job.geometry.lead_axis.across().letter(),
-        decimal(limit, 0)
-    );
-    let share = limit / jerk;
-    let mut finding = Finding::new(code::THREAD_VIBRATION_STEP, pass.amplitude_span(), message)
-        .at("pass", number(index))
-        .ranked("", jerk / limit)
-        .with_value("step", step, "mm/s²")
-        .with_value("jerk", jerk, "mm/s³")
-        .with_value("limit", limit, "mm/s³");
-    let permitted_mm = round_down(pass.amplitude_mm * share, 4);
-    if permitted_mm > 0.0 {
-        let across = job.geometry.lead_axis.across_words();
-        let cure = format!("within the limit are {}", pass.amplitude_text(permitted_mm, across));
-        let word = pass.amplitude_replacement(permitted_mm);
-        finding = finding.suggest_value(cure, word, "amplitude", permitted_mm, "mm");
-    }
-    let speed = round_down(job.spindle_rev_per_min * libm::sqrt(share), 1);
-    let cure = format!("turn at {} rev/min at most", decimal(speed, 1));
-    findings.push(finding.suggest_value(cure, None, "spindle_speed", speed, "rev/min"));
-}
-
-/// Share of the amplitude that keeps a limit; the taper takes its part of the velocity first.
-fn share(demanded: f64, limit: f64, taper: f64, order: f64) -> f64 {
-    if order > 1.0 { limit / demanded } else { (limit - taper) / (demanded - taper) }
-}
-
 /// Load of the tool; and passes that cut nothing.
 fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
     let (pass, number) = (&job.passes[index], number(index));
@@ -319,6 +222,7 @@ fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findi
             job.passes[crests.pass].amplitude_text(amplitude_mm, across),
             decimal(crests.crest_with_least_amplitude_mm, 3)
         );
+        let cure = job.passes[crests.pass].cure_by_word(cure);
         finding = finding.suggest_value(cure, None, "amplitude", amplitude_mm, "mm");
     }
     findings.push(finding);

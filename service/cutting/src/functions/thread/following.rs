@@ -185,7 +185,7 @@ fn suggest(
     if let Some(amplitude_mm) = amplitude_mm {
         let text = pass.amplitude_text(amplitude_mm, job.geometry.lead_axis.across_words());
         let word = pass.amplitude_replacement(amplitude_mm);
-        let cure = format!("command {text} in this pass, of which enough arrives");
+        let cure = pass.cure_by_word(format!("command {text} in this pass, of which enough arrives"));
         finding = finding.suggest_value(cure, word, "amplitude", amplitude_mm, "mm");
     }
     if let Some(speed) = speed {

@@ -55,6 +55,12 @@ impl ThreadPass {
         }
     }
 
+    /// A cure by the amplitude or the phase shift of this pass alone: a cycle has a word for neither.
+    pub(super) fn cure_by_word(&self, cure: String) -> String {
+        let is_of_cycle = self.amplitude_word.is_none() && self.span.column > 0;
+        if is_of_cycle { format!("{cure}; a cycle has no word for it, a threading block of its own has") } else { cure }
+    }
+
     /// The word that replaces that at [`ThreadPass::amplitude_span`]; `None` where that is the block.
     pub(super) fn amplitude_replacement(&self, amplitude_mm: f64) -> Option<String> {
         self.amplitude_word?.span?;

@@ -266,7 +266,8 @@ impl Threads {
             if first.mv.amplitude_mm.is_none() && infeed_mm * mode.ratio == 0.0 {
                 let message = "the pass goes no deeper than the one before, so the ratio gives it no vibration";
                 let finding = Finding::new(code::THREAD_NO_INFEED, first.span, message);
-                findings.push(finding.suggest("write its amplitude as A; A0.0 for a pass without vibration"));
+                let cure = "write its amplitude as A; A0.0 for a pass without vibration".to_owned();
+                findings.push(finding.suggest(job.passes[index].cure_by_word(cure)));
             }
             let pass = &mut job.passes[index];
             pass.amplitude_mm = first.mv.amplitude_mm.unwrap_or(infeed_mm * mode.ratio);

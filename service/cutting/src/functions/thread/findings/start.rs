@@ -123,7 +123,7 @@ fn turn_phase(job: &ThreadJob, index: usize, report: &ThreadPassReport, findings
                 .with_value("programmed_shift", programmed_deg, "deg")
                 .with_value("actual_shift", report.place.phase_shift_deg, "deg")
                 .suggest_value(
-                    format!("program a shift of {} degrees", decimal(cure_deg, 3)),
+                    pass.cure_by_word(format!("program a shift of {} degrees", decimal(cure_deg, 3))),
                     None,
                     "phase_shift",
                     cure_deg,

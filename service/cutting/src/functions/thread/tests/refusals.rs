@@ -52,6 +52,73 @@ fn equal_phases_are_found_and_cured() {
     assert_near(cure(&turned, "phase_shift"), 0.0, 1e-9);
 }
 
+/// Limits of the axis across the lead alone.
+fn across(velocity: f64, acceleration: f64, jerk: f64) -> ThreadLimits {
+    ThreadLimits {
+        vibration_velocity_mm_per_s: velocity,
+        vibration_acceleration_mm_per_s2: acceleration,
+        vibration_jerk_mm_per_s3: jerk,
+        ..ThreadLimits::default()
+    }
+}
+
+fn amplitude_cure(finding: &Finding) -> Option<f64> {
+    let values = finding.suggestions.iter().filter_map(|suggestion| suggestion.value.as_ref());
+    values.into_iter().find(|value| value.name == "amplitude").map(|value| value.value)
+}
+
+#[test]
+fn an_amplitude_that_the_axis_cannot_follow_is_no_cure() {
+    let mut job = program_a();
+    job.passes[1].phase_shift_deg = 40.0;
+    let unlimited = finding(&job, &ThreadLimits::default(), "THREAD-PHASE-UNBROKEN");
+    let named_mm = amplitude_cure(&unlimited).expect("an amplitude");
+    assert!(named_mm > job.passes[1].amplitude_mm);
+    // Each limit lies below what the named amplitude asks, and above what the present one asks; the shift stays a cure.
+    let rad_per_s = core::f64::consts::TAU * job.frequency_hz();
+    let middle_mm = 0.5 * (named_mm + job.passes[1].amplitude_mm);
+    let asked = [1, 2, 3].map(|order| 0.5 * middle_mm * rad_per_s.powi(order));
+    let limited = [
+        across(asked[0], f64::INFINITY, f64::INFINITY),
+        across(f64::INFINITY, asked[1], f64::INFINITY),
+        across(f64::INFINITY, f64::INFINITY, asked[2]),
+        ThreadLimits { period_s: 1e-3, ..across(f64::INFINITY, f64::INFINITY, 0.75 * asked[1] / 1e-3) },
+    ];
+    for limits in limited {
+        let found = finding(&job, &limits, "THREAD-PHASE-UNBROKEN");
+        assert_eq!(amplitude_cure(&found), None, "{found:?}");
+        assert!(found.message.contains(" mm would be no cure: the X axis'"), "{}", found.message);
+        assert_near(cure(&found, "phase_shift"), 180.0, 1e-9);
+    }
+}
+
+#[test]
+fn an_amplitude_for_the_axis_keeps_all_its_limits_and_the_chip() {
+    let job = program_a();
+    let limit_codes = ["THREAD-VIBRATION-VELOCITY", "THREAD-VIBRATION-ACCELERATION", "THREAD-VIBRATION-JERK"];
+    let rad_per_s = core::f64::consts::TAU * job.frequency_hz();
+    let asked = |amplitude_mm: f64| [1, 2, 3].map(|order| 0.5 * amplitude_mm * rad_per_s.powi(order));
+    let at_most =
+        |velocity_mm: f64, others_mm: f64| across(asked(velocity_mm)[0], asked(others_mm)[1], asked(others_mm)[2]);
+    // The first pass goes 1 mm deep: 1.1 mm break its chip, 0.9 mm do not. Velocity leaves 1.15 mm, the others 1.1 mm.
+    let limits = at_most(1.15, 1.1);
+    for code in limit_codes {
+        let found = finding(&job, &limits, code);
+        assert_near(amplitude_cure(&found).expect("an amplitude"), 1.1, 1.001e-4);
+        let mut cured = job.clone();
+        cured.passes[0].amplitude_mm = amplitude_cure(&found).expect("an amplitude");
+        let report = judge_thread(&cured, &limits);
+        assert!(report.passes[0].depth.broken);
+        assert!(!codes(&report).iter().any(|code| limit_codes.contains(code)), "{:?}", codes(&report));
+    }
+    for code in limit_codes {
+        let found = finding(&job, &at_most(1.15, 0.9), code);
+        assert_eq!(amplitude_cure(&found), None, "{found:?}");
+        assert!(found.message.ends_with("the chip would not break: it needs 1 mm"), "{}", found.message);
+        assert!(cure(&found, "spindle_speed") < job.spindle_rev_per_min);
+    }
+}
+
 fn program_a_at(vibrations_per_rev: f64) -> ThreadJob {
     ThreadJob { vibrations_per_rev, ..program_a() }
 }
@@ -82,23 +149,23 @@ fn machine_limits_are_kept() {
     slow.run_up.angle_deg = 1_440.0;
     let limits = ThreadLimits { approach_mm: 3.0, ..unlimited };
     assert_near(cure(&finding(&slow, &limits, "THREAD-APPROACH-SHORT"), "approach"), 5.0, 1e-3);
-    // 20 Hz with half of 1.2 mm: 75.4 mm/s and 9 475 mm/s².
+    // 20 Hz with half of 1.2 mm: 75.4 mm/s and 9 475 mm/s². The chip of the first pass needs 1 mm.
     let rad_per_s = core::f64::consts::TAU * 20.0;
     for (limits, code, value) in [
         (
-            ThreadLimits { vibration_velocity_mm_per_s: 50.0, ..unlimited },
+            ThreadLimits { vibration_velocity_mm_per_s: 69.0, ..unlimited },
             "THREAD-VIBRATION-VELOCITY",
-            100.0 / rad_per_s,
+            138.0 / rad_per_s,
         ),
         (
-            ThreadLimits { vibration_acceleration_mm_per_s2: 5_000.0, ..unlimited },
+            ThreadLimits { vibration_acceleration_mm_per_s2: 8_700.0, ..unlimited },
             "THREAD-VIBRATION-ACCELERATION",
-            10_000.0 / (rad_per_s * rad_per_s),
+            17_400.0 / (rad_per_s * rad_per_s),
         ),
         (
-            ThreadLimits { vibration_jerk_mm_per_s3: 1e6, ..unlimited },
+            ThreadLimits { vibration_jerk_mm_per_s3: 1.09e6, ..unlimited },
             "THREAD-VIBRATION-JERK",
-            2e6 / (rad_per_s * rad_per_s * rad_per_s),
+            2.18e6 / (rad_per_s * rad_per_s * rad_per_s),
         ),
     ] {
         assert_near(cure(&finding(&job, &limits, code), "amplitude"), value, 1e-4);
