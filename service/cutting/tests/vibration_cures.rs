@@ -40,6 +40,29 @@ fn an_amplitude_that_the_axes_could_not_follow_is_not_offered_but_explained() {
     assert_eq!(faults(&program, &config).1, [""; 0]);
 }
 
+/// At 62.5 Hz the axes follow 0.06 mm or so: enough for a thin chip only.
+#[test]
+fn an_amplitude_that_the_axes_follow_says_where_it_breaks_no_chip() {
+    let config = lathe(&[]);
+    let cures = |feed: &str| {
+        let report = validate(&section("G200 F62.5 A0.1", feed, 1_500), &config);
+        let finding = the_finding(&report, "VIB-AXIS-ACCELERATION").clone();
+        let named =
+            |name: &str| finding.suggestions.iter().find(|suggestion| value(suggestion, name).is_some()).cloned();
+        (named("amplitude").expect("an amplitude"), named("frequency").expect("a frequency"))
+    };
+    let (amplitude, frequency) = cures("F0.15");
+    let but = ", but the chip would not break in line 4 at a feed override of 150 %";
+    assert!(amplitude.message.ends_with(but), "{amplitude:?}");
+    let (program, word) = (section("G200 F62.5 A0.1", "F0.15", 1_500), amplitude.replacement.expect("a word"));
+    let after = validate(&program.replace("A0.1", &word), &config);
+    assert!(after.findings.iter().any(|finding| finding.code.name().starts_with("VIB-CHIP")), "it is so");
+    // The highest frequency has hardly more than two vibrations per revolution.
+    assert!(frequency.message.ends_with(but), "{frequency:?}");
+    let (amplitude, _) = cures("F0.01");
+    assert!(!amplitude.message.contains("but"), "{amplitude:?}");
+}
+
 #[test]
 fn ranges_of_the_machine_are_kept_by_what_is_offered() {
     let config = lathe(&[]);

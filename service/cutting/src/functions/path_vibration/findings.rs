@@ -6,7 +6,7 @@ use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
 use super::code;
 use super::loads::Exceeded;
-use super::trial::{Trial, Tried};
+use super::trial::{Objection, Trial, Tried};
 use super::{
     AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans,
@@ -186,14 +186,16 @@ impl Evidence {
         let follows = |tried: Tried| self.trial.axis_refusal(tried).is_none();
         let amplitude_mm = self.trial.axes.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0);
         if let Some(amplitude_mm) = amplitude_mm.filter(|mm| follows(self.trial.with_amplitude(*mm))) {
-            let message =
-                format!("the axes can follow an amplitude of {} mm at this frequency", decimal(amplitude_mm, 4));
+            let mm = decimal(amplitude_mm, 4);
+            let message = format!("the axes can follow an amplitude of {mm} mm at this frequency");
+            let message = message + &self.but_unbroken(self.trial.with_amplitude(amplitude_mm));
             let word = self.amplitude_cure(amplitude_mm);
             finding = finding.suggest_value(message, word, "amplitude", amplitude_mm, "mm");
         }
         let frequency_hz = self.trial.axes.highest_frequency_hz.map(|hz| round_down(hz, 3)).filter(|hz| *hz > 0.0);
         if let Some(frequency_hz) = frequency_hz.filter(|hz| follows(self.trial.with_frequency(*hz))) {
             let message = format!("the axes can follow {} Hz at this amplitude", decimal(frequency_hz, 3));
+            let message = message + &self.but_unbroken(self.trial.with_frequency(frequency_hz));
             finding = finding.suggest_value(message, None, "frequency", frequency_hz, "Hz");
         }
         // At a standstill of the feed something would fit.
@@ -201,6 +203,14 @@ impl Evidence {
             finding = finding.suggest("lower the feed");
         }
         finding
+    }
+
+    /// What a cure adds with which the axes or the contour are kept, and the chip does not break.
+    fn but_unbroken(&self, tried: Tried) -> String {
+        match self.trial.cuts.objection(tried, &self.settings) {
+            Some(unbroken @ Objection::Unbroken { .. }) => format!(", but {unbroken}"),
+            _ => String::new(),
+        }
     }
 
     fn travel(&self, findings: &mut Vec<Finding>) {
@@ -232,6 +242,7 @@ impl Evidence {
             .with_value("clamped_share", clamped_share, "");
         findings.push(if amplitude_mm > 0.0 {
             let cure = format!("use an amplitude of at most {} mm, or a longer section", decimal(amplitude_mm, 4));
+            let cure = cure + &self.but_unbroken(self.trial.with_amplitude(amplitude_mm));
             finding.suggest_value(cure, self.amplitude_cure(amplitude_mm), "amplitude", amplitude_mm, "mm")
         } else {
             finding.suggest("use a longer section")
@@ -272,6 +283,7 @@ impl Evidence {
         // The rounding of a radius must not bring it back over the tolerance.
         let amplitude_mm = round_down((1.0 - 1e-9) * (2.0 * radius_mm * tolerance_mm).sqrt() / followed, 4);
         let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
+        let cure = cure + &self.but_unbroken(self.trial.with_amplitude(amplitude_mm));
         findings.push(
             Finding::new(code::VIB_CONTOUR, self.amplitude_span(), message)
                 .at("line", line.into())
