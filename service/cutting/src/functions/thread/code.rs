@@ -272,7 +272,8 @@ feedwave_program::finding_codes! {
         meaning: "a pass comes to its place on the work a revolution later, so that its phase there is another one",
         cause: "Start angle or start position moves the pass beyond a whole turn, and the vibrations per revolution \
               are not whole.",
-        cure: "Program the shift that the finding names where the programmed one is meant at the work.",
+        cure: "Program the shift that the finding names where the programmed one is meant at the work. It names none where the chip breaks because of \
+              the turn.",
         example: on("lathe, thread_vibration.vibrations_per_rev = 2.5", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5 Q0\nG0 X14\nG0 Z100\nG0 X8\nG32 Z60 F2.5 Q320\nG0 X14\nG165 P0\nM30"),
     }
 

@@ -3,8 +3,9 @@
 use feedwave_program::{Finding, FindingLog};
 
 use super::{SAME_ANGLE_DEG, number};
+use crate::functions::thread::chip::chip;
 use crate::functions::thread::report::ThreadPassReport;
-use crate::functions::thread::{StartUp, ThreadJob, ThreadLimits, code, reduce_deg};
+use crate::functions::thread::{ChipLevel, StartUp, ThreadJob, ThreadLimits, code, reduce_deg};
 use crate::shared::wording::{decimal, round_up};
 
 /// All conditions of the start of a pass.
@@ -115,22 +116,29 @@ fn turn_phase(job: &ThreadJob, index: usize, report: &ThreadPassReport, findings
             decimal(report.place.phase_shift_deg, 3),
             decimal(programmed_deg, 3)
         );
-        findings.push(
-            Finding::new(code::THREAD_TURN_PHASE, pass.span, message)
-                .at("pass", number)
-                .ranked("", moved_deg.min(360.0 - moved_deg))
-                .with_value("turns", report.place.turns_later as f64, "")
-                .with_value("programmed_shift", programmed_deg, "deg")
-                .with_value("actual_shift", report.place.phase_shift_deg, "deg")
-                .suggest_value(
-                    pass.cure_by_word(format!("program a shift of {} degrees", decimal(cure_deg, 3))),
-                    None,
-                    "phase_shift",
-                    cure_deg,
-                    "deg",
-                ),
-        );
+        let finding = Finding::new(code::THREAD_TURN_PHASE, pass.span, message)
+            .at("pass", number)
+            .ranked("", moved_deg.min(360.0 - moved_deg))
+            .with_value("turns", report.place.turns_later as f64, "")
+            .with_value("programmed_shift", programmed_deg, "deg")
+            .with_value("actual_shift", report.place.phase_shift_deg, "deg");
+        findings.push(if breaks_less(job, index, cure_deg) {
+            let there = decimal(programmed_deg, 3);
+            finding.suggest(format!(
+                "leave it so: with {there} degrees there the chip would not be cut through, as it is now"
+            ))
+        } else {
+            let cure = pass.cure_by_word(format!("program a shift of {} degrees", decimal(cure_deg, 3)));
+            finding.suggest_value(cure, None, "phase_shift", cure_deg, "deg")
+        });
     }
+}
+
+/// Whether the chip of a pass breaks now, and would not with another phase shift. Passes behind it have findings of their own.
+fn breaks_less(job: &ThreadJob, index: usize, phase_shift_deg: f64) -> bool {
+    let mut changed = job.clone();
+    changed.passes[index].phase_shift_deg = phase_shift_deg;
+    chip(job, index, ChipLevel::Depth).broken && !chip(&changed, index, ChipLevel::Depth).broken
 }
 
 /// A vibration that has its phase later than the lead axis comes to the work.

@@ -119,6 +119,18 @@ fn an_amplitude_for_the_axis_keeps_all_its_limits_and_the_chip() {
     }
 }
 
+#[test]
+fn a_shift_that_a_turn_makes_right_is_left() {
+    // At D = 1.5 the turn of the second pass makes 180° of 0°, opposite to the first pass: what is programmed is right.
+    let mut job = program_a_at(1.5);
+    job.passes.truncate(2);
+    job.passes[1].phase_shift_deg = 0.0;
+    assert!(judge_thread(&job, &ThreadLimits::default()).passes[1].depth.broken);
+    let found = finding(&job, &ThreadLimits::default(), "THREAD-TURN-PHASE");
+    assert!(found.suggestions.iter().all(|suggestion| suggestion.value.is_none()), "{found:?}");
+    assert!(found.suggestions[0].message.starts_with("leave it so"), "{found:?}");
+}
+
 fn program_a_at(vibrations_per_rev: f64) -> ThreadJob {
     ThreadJob { vibrations_per_rev, ..program_a() }
 }
