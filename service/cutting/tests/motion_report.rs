@@ -124,13 +124,15 @@ fn each_place_has_the_cure_that_helps() {
     assert!(!short.is_empty(), "{:#?}", chords.slowdowns);
     assert!(short.iter().all(|at| at.cure == SlowdownCure::Arc), "{:?}", chords.slowdowns);
     // An arc that the acceleration of its axes limits, between a start and an end that are none of it.
-    let arc = summary("G17 G21 G90 F20000. G61\nG0 X8.\nG3 I-8. J0.\nM30\n", &mill());
+    let mut in_runs = mill();
+    in_runs.profile.plan_quality = PlanQuality::Fast;
+    let arc = summary("G17 G21 G90 F20000. G61\nG0 X20.\nG3 I-20. J0.\nM30\n", &in_runs);
     let [curve] = arc.slowdowns.as_slice() else { panic!("{:?}", arc.slowdowns) };
     assert_eq!((curve.source.line, curve.cause), (3, SlowdownCause::Curve), "{curve:?}");
     assert_eq!(curve.cure, SlowdownCure::Acceleration, "{curve:?}");
     assert!(curve.lost_s > 0.3 * arc.duration_s, "{curve:?} of {} s", arc.duration_s);
     // With stops before and behind the arc all of it is one slow place, named by its last stop.
-    let into = summary("G17 G21 G90 F20000. G61\nG0 X20.\nG1 Y50.\nG3 X-20. I-20. J0.\nG1 Y0.\nM30\n", &mill());
+    let into = summary("G17 G21 G90 F20000. G61\nG0 X20.\nG1 Y50.\nG3 X-20. I-20. J0.\nG1 Y0.\nM30\n", &in_runs);
     let [stops] = into.slowdowns.as_slice() else { panic!("{:?}", into.slowdowns) };
     assert_eq!((stops.source.line, stops.cause), (5, SlowdownCause::ExactStop), "{stops:?}");
     assert_eq!(stops.cure, SlowdownCure::Tolerance, "{stops:?}");
