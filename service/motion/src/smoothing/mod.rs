@@ -12,7 +12,7 @@
 //! With [`Joining::many_blocks`], elements that are tangent but bend differently meet in a ramp of curvature, and where corners
 //! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]).
 //!
-//! In plans of runs a corner stays as well where stopping in it takes less time ([`ways`], [`stop`]), also between short blocks; the curve
+//! A corner stays as well where stopping in it takes less time ([`ways`], [`stop`]), in plans of runs also between short blocks; the curve
 //! over many blocks ends there.
 //!
 //! Smoothing looks ahead over one run of mergeable lines, one window of the curve and some elements behind a sharp corner, and keeps
@@ -394,7 +394,7 @@ impl<T: Carried> Entry<T> {
         let most_cut_mm = (CORNER_SHARE * self.full_length_mm.min(next.full_length_mm)).min(self.element.length);
         let carried = self.carried.at_corner(&next.carried)?;
         let ([before, element, after], rounding) = self.rounded(next, [tolerance_mm, most_cut_mm], joining)?;
-        // Where the path does not rest without the curve, or changes its speed along it, the curve never costs time.
+        // Where the path does not rest without the curve, the curve never costs time.
         let would_rest = matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
         let is_open = would_rest && self.joint.way() != Way::Rounded;
         if self.joins && next.joins && is_open {
