@@ -162,7 +162,7 @@ fn cut(kind: usize, feed: f64, rotary: [char; 2], mut numbers: impl FnMut(f64, f
             }
             // A zigzag that turns with it.
             2 => {
-                (x, y, a, c) = (leg * f64::from(k), height * odd, 20.0 + kink_deg * odd, 1.5 * kink_deg * f64::from(k))
+                (x, y, a, c) = (leg * f64::from(k), height * odd, 20.0 + kink_deg * odd, 1.5 * kink_deg * f64::from(k));
             }
             // Directions that change in place.
             3 if k % 2 == 0 => (a, c) = (20.0 + numbers(-5.0, 5.0), c + numbers(-5.0, 5.0)),
