@@ -237,7 +237,7 @@ fn plans_for_the_least_time_are_no_slower_than_exact_stops() {
             assert!(worst_s <= 1.001 * stop_s, "{} {seed}: {within_s:?} s, {stop_s} s with stops", program.name);
             // In a curve over corners that are quicker by themselves they took up to 12 % longer.
             let worst = worst_of_larger(stop_s, &within_s);
-            assert!(worst <= 1.08, "{} {seed}: {within_s:?} s", program.name);
+            assert!(worst <= 1.05, "{} {seed}: {within_s:?} s", program.name);
         }
     }
 }

@@ -19,7 +19,6 @@ use crate::tolerance::{CORNER_SHARE, CORNER_STOP_GAIN, LEAST_STOP_KINK, MOST_TRI
 use crate::{Curve, Element, LimitExceeded, Machine, PathLimits, PathMotion, Profile, Spline, path_limits};
 
 /// A corner between two blocks.
-#[derive(Clone, Copy)]
 pub(super) struct Corner<'a> {
     /// Its curve.
     pub(super) curve: &'a Element,
