@@ -303,7 +303,7 @@ feedwave_program::finding_codes! {
         cause: "What the last vibrating pass leaves, together with the finishing infeed, exceeds twice that infeed or \
               `thread_vibration.max_finishing_thickness_mm`.",
         cure: "Add a vibrating pass at the same depth with opposite phase, or a smaller last amplitude, as the finding \
-              says.",
+              says; it also says where that does not suffice.",
         example: lathe("M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG0 Z100\nG0 X7.9\nG32 Z60 F2.5 A0\nG0 X14\nG165 P0\nM30"),
     }
 

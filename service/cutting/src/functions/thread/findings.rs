@@ -208,21 +208,28 @@ fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findi
         .with_value("finishing_infeed", crests.finishing_infeed_mm, "mm")
         .with_value("finishing_thickness", crests.finishing_thickness_mm, "mm")
         .with_value("permitted", permitted_mm, "mm");
-    if crests.crest_with_another_pass_mm < crests.crest_mm - SAME_LENGTH_MM {
-        let cure = format!(
-            "add a vibrating pass at the same depth with opposite phase: crests of {} mm remain",
-            decimal(crests.crest_with_another_pass_mm, 3)
-        );
-        finding = finding.suggest_value(cure, None, "crest", crests.crest_with_another_pass_mm, "mm");
+    // A cure that lowers the crests is named where none ends them, too, with what is left.
+    let remain = |crest_mm: f64, found_mm: f64| {
+        let remain = format!("crests of {} mm remain", decimal(crest_mm, 3));
+        let ends = found_mm <= permitted_mm + SAME_LENGTH_MM;
+        if ends {
+            return remain;
+        }
+        let [found, permitted] = [found_mm, permitted_mm].map(|value| decimal(value, 3));
+        format!("{remain}, which is still too much: the finishing pass finds {found} mm, more than {permitted} mm")
+    };
+    let with_another_mm = crests.crest_with_another_pass_mm;
+    if with_another_mm < crests.crest_mm - SAME_LENGTH_MM {
+        let remain = remain(with_another_mm, crests.finishing_thickness_with_another_pass_mm);
+        let cure = format!("add a vibrating pass at the same depth with opposite phase: {remain}");
+        finding = finding.suggest_value(cure, None, "crest", with_another_mm, "mm");
     }
-    if crests.crest_with_least_amplitude_mm < crests.crest_mm - SAME_LENGTH_MM && crests.least_amplitude_mm > 0.0 {
-        let amplitude_mm = round_up(crests.least_amplitude_mm + 1e-6, 4);
-        let cure = format!(
-            "vibrate with {} in the last vibrating pass: crests of {} mm remain",
-            job.passes[crests.pass].amplitude_text(amplitude_mm, across),
-            decimal(crests.crest_with_least_amplitude_mm, 3)
-        );
-        let cure = job.passes[crests.pass].cure_by_word(cure);
+    let with_least_mm = crests.crest_with_least_amplitude_mm;
+    if with_least_mm < crests.crest_mm - SAME_LENGTH_MM && crests.least_amplitude_mm > 0.0 {
+        let (amplitude_mm, pass) = (round_up(crests.least_amplitude_mm + 1e-6, 4), &job.passes[crests.pass]);
+        let remain = remain(with_least_mm, crests.finishing_thickness_with_least_amplitude_mm);
+        let text = pass.amplitude_text(amplitude_mm, across);
+        let cure = pass.cure_by_word(format!("vibrate with {text} in the last vibrating pass: {remain}"));
         finding = finding.suggest_value(cure, None, "amplitude", amplitude_mm, "mm");
     }
     findings.push(finding);

@@ -99,9 +99,13 @@ pub struct CrestReport {
     pub finishing_thickness_mm: f64,
     /// Crests that one more vibrating pass at the last depth with opposite phase and the same amplitude leaves, mm.
     pub crest_with_another_pass_mm: f64,
-    /// Crests that the last vibrating pass leaves with the smallest amplitude that cuts its chip through at the level
-    /// of depth, mm.
+    /// What the finishing pass finds then, as in `finishing_thickness_mm`.
+    pub finishing_thickness_with_another_pass_mm: f64,
+    /// Crests that the last vibrating pass leaves with the smallest amplitude that cuts its chip through, over the full section where
+    /// it is cut through there, otherwise at its depth, mm.
     pub crest_with_least_amplitude_mm: f64,
+    /// What the finishing pass finds then, as in `finishing_thickness_mm`.
+    pub finishing_thickness_with_least_amplitude_mm: f64,
     /// That amplitude, mm on the radius.
     pub least_amplitude_mm: f64,
     /// Last vibrating pass, from 0.
@@ -230,23 +234,33 @@ fn crests(job: &ThreadJob, start: u32) -> Option<CrestReport> {
     let last = job.passes[pass];
     let still = super::ThreadPass { amplitude_mm: 0.0, ..last };
     let finishing = job.passes[pass + 1..].iter().position(|after| after.start == start).map(|after| pass + 1 + after);
-    let crest_mm = left_for(job, pass + 1, still, ChipLevel::Depth);
-    let finishing_infeed_mm = finishing.map_or(0.0, |index| job.infeed_mm(index));
-    let finishing_thickness_mm =
-        finishing.map_or(crest_mm, |index| Clearance::of(job, index, ChipLevel::Depth).largest_thickness_mm());
     let another = super::ThreadPass { phase_shift_deg: last.phase_shift_deg + 180.0, ..last };
-    let mut with_another = ThreadJob { passes: job.passes[..=pass].to_vec(), ..job.clone() };
-    with_another.passes.push(another);
-    let mut with_least = ThreadJob { passes: job.passes[..=pass].to_vec(), ..job.clone() };
-    let least_amplitude_mm = chip(job, pass, ChipLevel::Depth).least_amplitude_mm;
+    let mut with_another = job.clone();
+    with_another.passes.insert(pass + 1, another);
+    // A section that is cut through stays so.
+    let section = chip(job, pass, ChipLevel::Section);
+    let cut = if section.broken { section } else { chip(job, pass, ChipLevel::Depth) };
+    let least_amplitude_mm = cut.least_amplitude_mm;
+    let mut with_least = job.clone();
     with_least.passes[pass].amplitude_mm = least_amplitude_mm;
+    // The crests and what the finishing pass finds, with so many passes added.
+    let left = |job: &ThreadJob, added: usize| {
+        let crest_mm = left_for(job, pass + 1 + added, still, ChipLevel::Depth);
+        let found = |index: usize| Clearance::of(job, index + added, ChipLevel::Depth).largest_thickness_mm();
+        (crest_mm, finishing.map_or(crest_mm, found))
+    };
+    let (crest_mm, finishing_thickness_mm) = left(job, 0);
+    let (crest_with_another_pass_mm, finishing_thickness_with_another_pass_mm) = left(&with_another, 1);
+    let (crest_with_least_amplitude_mm, finishing_thickness_with_least_amplitude_mm) = left(&with_least, 0);
     Some(CrestReport {
         crest_mm,
         section_crest_mm: left_for(job, pass + 1, still, ChipLevel::Section),
-        finishing_infeed_mm,
+        finishing_infeed_mm: finishing.map_or(0.0, |index| job.infeed_mm(index)),
         finishing_thickness_mm,
-        crest_with_another_pass_mm: left_for(&with_another, pass + 2, still, ChipLevel::Depth),
-        crest_with_least_amplitude_mm: left_for(&with_least, pass + 1, still, ChipLevel::Depth),
+        crest_with_another_pass_mm,
+        finishing_thickness_with_another_pass_mm,
+        crest_with_least_amplitude_mm,
+        finishing_thickness_with_least_amplitude_mm,
         least_amplitude_mm,
         pass,
     })

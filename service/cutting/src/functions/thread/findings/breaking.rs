@@ -3,8 +3,11 @@
 use feedwave_program::{Finding, FindingLog};
 
 use super::{SAME_ANGLE_DEG, SAME_LENGTH_MM, demand, number};
+use crate::functions::thread::chip::chip;
 use crate::functions::thread::report::ThreadPassReport;
-use crate::functions::thread::{LeadAxis, ThreadJob, ThreadLimits, ThreadPass, ThreadReport, code, reduce_deg};
+use crate::functions::thread::{
+    ChipLevel, LeadAxis, ThreadJob, ThreadLimits, ThreadPass, ThreadReport, code, reduce_deg,
+};
 use crate::shared::wording::{decimal, round_up};
 
 /// Whether the chip of a vibrating pass is cut through, and if not, why.
@@ -134,14 +137,28 @@ fn phase_unbroken(
     );
     let finding = with_amplitude(Finding::new(code, pass.span, message), number, own, own.depth.least_amplitude_mm)
         .with_value("phase_difference", difference_deg, "deg")
-        .suggest_value(
-            pass.cure_by_word(format!("shift the phase by {} degrees", decimal(cure_deg, 3))),
-            None,
-            "phase_shift",
-            cure_deg,
-            "deg",
-        );
+        .suggest_value(pass.cure_by_word(shift_cure(job, index, cure_deg)), None, "phase_shift", cure_deg, "deg");
     findings.push(least.suggest(finding, job, pass));
+}
+
+/// How a pass is shifted so that the chips of those behind it stay broken, too.
+fn shift_cure(job: &ThreadJob, index: usize, cure_deg: f64) -> String {
+    let pass = &job.passes[index];
+    let cure = format!("shift the phase by {} degrees", decimal(cure_deg, 3));
+    let mut shifted = job.clone();
+    shifted.passes[index].phase_shift_deg = cure_deg;
+    let is_broken = |job: &ThreadJob, index: usize| chip(job, index, ChipLevel::Depth).broken;
+    let behind = |&next: &usize| job.passes[next].start == pass.start && job.passes[next].vibrates();
+    let unbroken =
+        (index + 1..job.passes.len()).find(behind).filter(|&next| is_broken(job, next) && !is_broken(&shifted, next));
+    let Some(next) = unbroken else { return cure };
+    // What all of them are shifted by changes nothing between them.
+    let more_deg = reduce_deg(cure_deg - pass.phase_shift_deg);
+    format!(
+        "{cure}, and every pass behind it by {} degrees more than now: pass {} would not be cut through otherwise",
+        decimal(more_deg, 3),
+        number(next)
+    )
 }
 
 /// The chip is cut through at its depth, but not over the whole section.

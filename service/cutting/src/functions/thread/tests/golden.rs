@@ -100,6 +100,11 @@ fn program_a_leaves_crests_for_the_finishing_pass() {
     assert_near(crests.finishing_thickness_mm, crests.crest_mm + 0.018, 1e-9);
     assert!(crests.crest_with_another_pass_mm < 0.6 * crests.crest_mm);
     assert!(crests.crest_with_least_amplitude_mm < crests.crest_mm);
+    let infeed_mm = crests.finishing_infeed_mm;
+    let with_another_mm = crests.finishing_thickness_with_another_pass_mm;
+    assert_near(with_another_mm, crests.crest_with_another_pass_mm + infeed_mm, 1e-9);
+    let with_least_mm = crests.finishing_thickness_with_least_amplitude_mm;
+    assert_near(with_least_mm, crests.crest_with_least_amplitude_mm + infeed_mm, 1e-9);
     assert_eq!(crests.pass, 2);
 }
 

@@ -149,6 +149,54 @@ fn phases_too_close_are_found_and_cured() {
 }
 
 #[test]
+fn a_shift_says_what_the_passes_behind_it_need() {
+    let unlimited = ThreadLimits::default();
+    let unbroken = |job: &ThreadJob| {
+        let passes = judge_thread(job, &unlimited).passes;
+        (0..passes.len()).filter(|&pass| job.passes[pass].vibrates() && !passes[pass].depth.broken).collect::<Vec<_>>()
+    };
+    // Passes 1 and 2 are in step, and so pass 3 is with pass 2 where that alone is shifted.
+    let mut job = program_a();
+    (job.passes[1].phase_shift_deg, job.passes[2].phase_shift_deg) = (0.0, 180.0);
+    assert_eq!(unbroken(&job), [1]);
+    let found = finding(&job, &unlimited, "THREAD-PHASE-EQUAL");
+    let message = "shift the phase by 180 degrees, and every pass behind it by 180 degrees more than now: pass 3 would not be cut \
+                   through otherwise";
+    assert_eq!(found.suggestions[0].message, message);
+    job.passes[1].phase_shift_deg = cure(&found, "phase_shift");
+    assert_eq!(unbroken(&job), [2]);
+    job.passes[2].phase_shift_deg += 180.0;
+    assert!(unbroken(&job).is_empty());
+}
+
+#[test]
+fn a_cure_of_crests_says_whether_it_ends_them() {
+    let job = program_a();
+    let crests = judge_thread(&job, &ThreadLimits::default()).crests.unwrap();
+    let [another_mm, least_mm] =
+        [crests.finishing_thickness_with_another_pass_mm, crests.finishing_thickness_with_least_amplitude_mm];
+    assert!(another_mm < least_mm);
+    // What the finishing pass may find: too little for either, enough for one, enough for both.
+    let permitted_mm = [0.5 * another_mm, 0.5 * (another_mm + least_mm), 1.001 * least_mm];
+    for (permitted_mm, ends) in permitted_mm.into_iter().zip([[false; 2], [true, false], [true; 2]]) {
+        let limits = ThreadLimits { finishing_thickness_mm: Some(permitted_mm), ..ThreadLimits::default() };
+        let found = finding(&job, &limits, "THREAD-CRESTS");
+        let said: Vec<bool> = found.suggestions.iter().map(|cure| cure.message.ends_with(" mm remain")).collect();
+        assert_eq!(said, ends, "{found:?}");
+        let mut with_another = job.clone();
+        let last = with_another.passes[2];
+        with_another.passes.insert(3, ThreadPass { phase_shift_deg: last.phase_shift_deg + 180.0, ..last });
+        let mut with_least = job.clone();
+        with_least.passes[2].amplitude_mm = cure(&found, "amplitude");
+        for (cured, ends) in [with_another, with_least].iter().zip(ends) {
+            let report = judge_thread(cured, &limits);
+            assert_eq!(!codes(&report).contains(&"THREAD-CRESTS"), ends);
+            assert!(report.passes.iter().all(|pass| pass.depth.broken || pass.amplitude_mm == 0.0));
+        }
+    }
+}
+
+#[test]
 fn machine_limits_are_kept() {
     let job = program_a();
     let unlimited = ThreadLimits::default();
