@@ -3,7 +3,7 @@
 //! it. A group that the database could not commit is done again as a whole.
 
 use std::pin::Pin;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -146,6 +146,10 @@ pub(super) struct Shared {
     pub(super) silence: Silence,
     /// Names this process among all that ever had the database.
     pub(super) replica: String,
+    /// When it began, by the database's clock, µs.
+    pub(super) started_us: i64,
+    /// Whether another process has the same name and runs as well.
+    has_namesake: AtomicBool,
     observer: Arc<dyn Observer>,
     pub(super) target: Target,
     /// How long the server may be away.
@@ -162,6 +166,8 @@ impl Shared {
         silence: Silence,
     ) -> Result<Self> {
         Ok(Self {
+            started_us: clock.now_us(),
+            has_namesake: AtomicBool::new(false),
             clock: Arc::new(clock),
             announcer: Announcer {
                 decision: watch::Sender::new(newest.decision),
@@ -178,6 +184,33 @@ impl Shared {
             limit: options.answer_limit(),
         })
     }
+
+    /// Notes whether another process with the name of this one runs.
+    pub(super) fn note_namesake(&self, namesake: Option<String>, name: &str) {
+        let had = self.has_namesake.swap(namesake.is_some(), Ordering::Relaxed);
+        match namesake {
+            Some(process) if !had => tracing::error!(
+                name,
+                process,
+                "another replica of this name is running: give each a name of its own (store.replica_name)"
+            ),
+            None if had => tracing::info!(name, "no other replica of this name is running any more"),
+            _ => {}
+        }
+    }
+
+    /// Whether a lease is of this process, or of an earlier one of the replica with its name, which is no more. Should that
+    /// one still run, it finds out as it renews its lease.
+    pub(super) fn holds(&self, holder: &str) -> bool {
+        let is_former = || former(&self.replica).is_some_and(|former| holder.starts_with(former));
+        holder == self.replica || (!self.has_namesake.load(Ordering::Relaxed) && is_former())
+    }
+}
+
+/// How the names of all processes of the replica begin that this process is of; `None` where it has no name.
+pub(super) fn former(replica: &str) -> Option<&str> {
+    let (name, process) = replica.rsplit_once('#')?;
+    (!name.is_empty()).then(|| &replica[..replica.len() - process.len()])
 }
 
 /// What a write works with.

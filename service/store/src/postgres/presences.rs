@@ -10,6 +10,7 @@ use uuid::Uuid;
 
 use super::PostgresStore;
 use super::bell::PRESENCES;
+use super::lane::former;
 use crate::error::{Result, check_size};
 use crate::presences::{Presence, Presences, ToldPresence, ToldUse};
 use crate::sql::documents::{MACHINES_MARK, machines_mark};
@@ -95,11 +96,7 @@ async fn tell_use(connection: &mut PgConnection, replica: &str, used: &[(String,
 impl PostgresStore {
     /// Takes back what an earlier process of the replica with this name told, which is no more: its streams broke with it.
     pub(super) async fn take_back_presences(&self) -> Result<()> {
-        let name = &self.settings().replica_name;
-        if name.is_empty() {
-            return Ok(());
-        }
-        let former = format!("{name}#");
+        let Some(former) = former(&self.inner.shared.replica).map(str::to_owned) else { return Ok(()) };
         self.write(0, move |connection| {
             let former = former.clone();
             Box::pin(async move {

@@ -3,10 +3,13 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use sqlx::PgConnection;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use super::PostgresStore;
+use super::lane::former;
+use super::validations::LEASE_US;
 use crate::error::{Result, StoreError};
 
 /// What a probe writes once a write has failed, bytes: where this fits, ordinary writes do.
@@ -99,31 +102,43 @@ impl PostgresStore {
 
     async fn write_probe(&self, ballast_bytes: usize) -> Result<()> {
         for bytes in [ballast_bytes, 0] {
-            let (replica, now_us) = (self.inner.shared.replica.clone(), self.clock().now_us());
-            self.write_alone(move |connection| {
-                let replica = replica.clone();
-                Box::pin(async move {
-                    sqlx::query(
-                        "INSERT INTO probes (replica, at_us, ballast) VALUES ($1, $2, $3)
-                         ON CONFLICT (replica) DO UPDATE SET at_us = EXCLUDED.at_us, ballast = EXCLUDED.ballast",
-                    )
-                    .bind(replica)
-                    .bind(now_us)
-                    .bind(vec![0_u8; bytes])
-                    .execute(&mut *connection)
-                    .await?;
-                    sqlx::query("DELETE FROM probes WHERE at_us < $1")
-                        .bind(now_us - KEPT_US)
-                        .execute(connection)
+            let shared = &self.inner.shared;
+            let (replica, started_us, now_us) = (shared.replica.clone(), shared.started_us, self.clock().now_us());
+            let namesake = self
+                .write_alone(move |connection| {
+                    let replica = replica.clone();
+                    Box::pin(async move {
+                        sqlx::query(
+                            "INSERT INTO probes (replica, at_us, ballast) VALUES ($1, $2, $3)
+                             ON CONFLICT (replica) DO UPDATE SET at_us = EXCLUDED.at_us, ballast = EXCLUDED.ballast",
+                        )
+                        .bind(&replica)
+                        .bind(now_us)
+                        .bind(vec![0_u8; bytes])
+                        .execute(&mut *connection)
                         .await?;
-                    Ok(())
+                        sqlx::query("DELETE FROM probes WHERE at_us < $1")
+                            .bind(now_us - KEPT_US)
+                            .execute(&mut *connection)
+                            .await?;
+                        namesake(connection, &replica, started_us.max(now_us - LEASE_US)).await
+                    })
                 })
-            })
-            .await?;
+                .await?;
+            shared.note_namesake(namesake, &self.settings().replica_name);
             if ballast_bytes == 0 {
                 break;
             }
         }
         Ok(())
     }
+}
+
+/// Another process with the name of this one that has probed since.
+async fn namesake(connection: &mut PgConnection, replica: &str, since_us: i64) -> Result<Option<String>> {
+    let Some(former) = former(replica) else { return Ok(None) };
+    let found = sqlx::query_scalar(
+        "SELECT MAX(replica) FROM probes WHERE LEFT(replica, LENGTH($1)) = $1 AND replica <> $2 AND at_us > $3",
+    );
+    Ok(found.bind(former).bind(replica).bind(since_us).fetch_one(connection).await?)
 }

@@ -10,7 +10,7 @@ use uuid::Uuid;
 
 use super::PostgresStore;
 use super::jobs::{change, log};
-use super::lane::{Log, Transaction};
+use super::lane::{Log, Shared, Transaction};
 use crate::error::Result;
 use crate::jobs::{Job, JobState, NewReport};
 use crate::sql::jobs::{missing, packed};
@@ -22,7 +22,7 @@ use crate::validations::{Attempt, Validations, WaitingJob};
 const LEASE: Duration = Duration::from_secs(15);
 
 /// The same, µs.
-const LEASE_US: i64 = 15_000_000;
+pub(super) const LEASE_US: i64 = 15_000_000;
 
 #[async_trait]
 impl Validations for PostgresStore {
@@ -78,8 +78,8 @@ impl Validations for PostgresStore {
     }
 
     async fn begin_validation(&self, id: Uuid, max_attempts: u32) -> Result<Attempt> {
-        let owner = self.inner.shared.replica.clone();
-        self.write_event(0, move |tx| Box::pin(begin(tx, id, max_attempts, owner.clone()))).await
+        let shared = self.inner.shared.clone();
+        self.write_event(0, move |tx| Box::pin(begin(tx, id, max_attempts, shared.clone()))).await
     }
 
     async fn end_validation(&self, id: Uuid, to: JobState, detail: &str, report: Option<NewReport>) -> Result<Job> {
@@ -113,14 +113,7 @@ impl Validations for PostgresStore {
     }
 }
 
-/// Whether a lease is of this process, or of an earlier one of the replica with its name, which is no more. Should that
-/// one still run, it finds out as it renews its lease.
-fn is_same_replica(holder: &str, owner: &str) -> bool {
-    let name = |owner: &str| owner.rsplit_once('#').map(|(name, _)| name.to_owned()).filter(|name| !name.is_empty());
-    holder == owner || (name(holder).is_some() && name(holder) == name(owner))
-}
-
-async fn begin(tx: &mut Transaction, id: Uuid, max_attempts: u32, owner: String) -> Result<Attempt> {
+async fn begin(tx: &mut Transaction, id: Uuid, max_attempts: u32, shared: Arc<Shared>) -> Result<Attempt> {
     tx.lock(Log::Event).await?;
     // One that somebody else is just writing to is not waited for: the log is locked.
     let row = sqlx::query(
@@ -140,11 +133,11 @@ async fn begin(tx: &mut Transaction, id: Uuid, max_attempts: u32, owner: String)
     let now_us = tx.now_us();
     let holder: Option<String> = row.try_get("lease_owner")?;
     let until_us: Option<i64> = row.try_get("lease_until_us")?;
-    let of_another = holder.is_some_and(|holder| !is_same_replica(&holder, &owner));
+    let of_another = holder.is_some_and(|holder| !shared.holds(&holder));
     if of_another && until_us.is_some_and(|until_us| until_us >= now_us) {
         return Ok(Attempt::Elsewhere);
     }
-    let lease = (to == JobState::Validating).then_some((owner, now_us + LEASE_US));
+    let lease = (to == JobState::Validating).then(|| (shared.replica.clone(), now_us + LEASE_US));
     let (owner, until_us) = lease.unzip();
     sqlx::query(
         "UPDATE jobs SET state = $1, state_detail = $2, attempts = $3,
@@ -166,23 +159,4 @@ async fn begin(tx: &mut Transaction, id: Uuid, max_attempts: u32, owner: String)
         log(tx, (tenant(&row)?, id), Some(from), Some(to), now_us, &detail).await?;
     }
     Ok(outcome)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::is_same_replica;
-
-    #[test]
-    fn a_replica_has_what_an_earlier_process_of_its_name_had() {
-        for (holder, owner, same) in [
-            ("a#1", "a#1", true),
-            ("a#1", "a#2", true),
-            ("a#b#1", "a#b#2", true),
-            ("a#1", "b#2", false),
-            ("#1", "#1", true),
-            ("#1", "#2", false),
-        ] {
-            assert_eq!(is_same_replica(holder, owner), same, "{holder} {owner}");
-        }
-    }
 }

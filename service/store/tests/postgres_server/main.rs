@@ -206,6 +206,34 @@ async fn a_validation_is_one_replica_s_as_long_as_that_says_so() {
 
 #[tokio::test]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn a_replica_takes_up_what_an_earlier_one_of_its_name_had_but_not_what_one_has_that_runs() {
+    let place = Place::new();
+    let named = || async {
+        let settings = StoreSettings { replica_name: "pod-1".into(), ..StoreSettings::default() };
+        Store::open(&place.store_uri(), settings).await.unwrap()
+    };
+    let probed = |store: Store| async move {
+        store.probe(SOON).await.unwrap();
+        store
+    };
+    let (first, second) = (probed(named().await).await, named().await);
+    let program = program(&first).await;
+    let job = first.create_job(new_job("r", program)).await.unwrap().id;
+    assert_eq!(first.begin_validation(job, 9).await.unwrap(), Attempt::Begun(1));
+    // The first has not been heard of since the second began: it is taken for gone.
+    let second = probed(second).await;
+    assert_eq!(second.begin_validation(job, 9).await.unwrap(), Attempt::Begun(2));
+    // Both run, and each knows it of the other.
+    let (first, second) = (probed(first).await, probed(second).await);
+    assert_eq!(first.begin_validation(job, 9).await.unwrap(), Attempt::Elsewhere);
+    assert!(second.renew_validation(job).await.unwrap());
+    let other = second.create_job(new_job("s", program)).await.unwrap().id;
+    assert_eq!(first.begin_validation(other, 9).await.unwrap(), Attempt::Begun(1));
+    assert_eq!(second.begin_validation(other, 9).await.unwrap(), Attempt::Elsewhere);
+}
+
+#[tokio::test]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn writes_outlive_their_connections() {
     let place = Place::new();
     let store = place.open().await;
