@@ -2,6 +2,7 @@
 
 use super::path::Path;
 use super::problem::{Hold, Knots};
+use super::ramp::AlongPath;
 use super::samples::Samples;
 use super::{Guess, Task, check};
 
@@ -13,6 +14,8 @@ const LEAST_INTERVAL: f64 = 1.0 / 64.0;
 pub(super) const LEAST_INTERVALS: usize = 6;
 /// Most intervals of a window; bounds its memory.
 const MOST_INTERVALS: usize = 1 << 13;
+/// Part of the acceleration along the path with which dips of a guess are braked into.
+const RAISED_SHARE: f64 = 0.1;
 /// How much more than in the middle and at the ends has to be asked at a place of an interval that is held instead of its middle.
 const CLEARLY_MORE: f64 = 1.001;
 
@@ -62,6 +65,25 @@ pub(super) fn place_knots(task: &Task<'_>, guess: &dyn Guess, interval_s: f64) -
     places.push(last);
     squares.push(end_speed * end_speed);
     (LEAST_INTERVALS..=MOST_INTERVALS).contains(&(places.len() - 1)).then_some((Knots(places), squares))
+}
+
+/// Raises squared speeds at the knots where they dip, to those of braking into the dip and starting out of it with a part of what the
+/// axes can.
+///
+/// A guess that creeps through a bend leads to a plan that nearly stops in it, although one that brakes up to the bend and starts in it
+/// keeps the same limits: the steps find the nearest of such plans, not the quickest.
+pub(super) fn raise(path: &Path<'_>, knots: &Knots, squares: &mut [f64]) {
+    let fall = |ends: &[f64]| {
+        let along = AlongPath::at(path, 0.5 * (ends[0] + ends[1]));
+        2.0 * RAISED_SHARE * along.acceleration * (ends[1] - ends[0])
+    };
+    let falls: Vec<f64> = knots.0.windows(2).map(fall).collect();
+    for (k, fall) in falls.iter().enumerate() {
+        squares[k + 1] = squares[k + 1].max(squares[k] - fall);
+    }
+    for (k, fall) in falls.iter().enumerate().rev() {
+        squares[k] = squares[k].max(squares[k + 1] - fall);
+    }
 }
 
 /// When a guess passes a place, s.

@@ -183,7 +183,10 @@ impl SpeedPlanner {
         let path = task.path;
         // A first plan gives knots only.
         let is_last = stage.gap <= GAPS[1];
-        let (knots, squares) = grid::place_knots(task, stage.guess, stage.interval_s)?;
+        let (knots, mut squares) = grid::place_knots(task, stage.guess, stage.interval_s)?;
+        if !is_last {
+            grid::raise(path, &knots, &mut squares);
+        }
         let intervals = knots.intervals();
         self.samples.take(path, &knots, if is_last { EXAMINED_PARTS } else { HELD_PARTS });
         self.share_limits(task, &knots, stage.interval_s);

@@ -10,7 +10,7 @@ const TRIES: u32 = 16;
 /// Largest acceleration and jerk along the path at a place, mm/s² and mm/s³.
 #[derive(Clone, Copy)]
 pub(super) struct AlongPath {
-    acceleration: f64,
+    pub(super) acceleration: f64,
     pub(super) jerk: f64,
 }
 
