@@ -150,8 +150,21 @@ pub(crate) const FEW_STOPS_GAIN: f64 = 1.03;
 /// Most blocks of one window of a curve, times its sharp corners, for which each of these is tried in every way.
 pub(crate) const MOST_TRIED_BLOCKS: usize = 300;
 
-/// Most elements of a curve that are tried in other ways in plans for the least time: in longer ones other ways take as long.
+/// Most elements of a curve that are tried in other ways in plans for the least time where fewer than half of its corners are sharp: in
+/// longer ones other ways take as long.
 pub(crate) const MOST_TRIED_IN_LEAST_TIME: usize = 6;
+
+/// Most elements of a curve of sharp corners that are tried together.
+pub(crate) const MOST_TRIED_TOGETHER: usize = 24;
+
+/// Largest sum of the directions of the two lines of a U-turn (6°).
+pub(crate) const MOST_TURN_SKEW: f64 = 0.1;
+
+/// Least part of the cut that its axes ask for with which a U-turn is tried: with less, the lines' axis nearly stops.
+pub(crate) const LEAST_TURN_SHARE: f64 = 0.02;
+
+/// Halvings in which the cut of a U-turn is found.
+pub(crate) const TURN_STEPS: usize = 40;
 
 /// Elements behind a corner, or behind a curve, that have to be known before ways to pass it are tried.
 pub(crate) const WAYS_SEEN: usize = 5;

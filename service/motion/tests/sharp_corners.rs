@@ -211,9 +211,11 @@ fn fast_plans_within_a_tolerance_are_no_slower_than_exact_stops() {
 fn a_larger_tolerance_is_no_slower_where_the_path_turns_back() {
     for seed in 0..5 {
         for program in shapes(seed as u64).into_iter().filter(|program| ["u-turn", "raster"].contains(&program.name)) {
-            let (stop_s, within_s) = times_s(&program, seed, CornerSpeed::Steady);
-            let worst = worst_of_larger(stop_s, &within_s);
-            assert!(worst <= 1.0011, "{} {seed}: {within_s:?} s, {stop_s} s with stops", program.name);
+            for corner_speed in [CornerSpeed::Steady, CornerSpeed::Changing] {
+                let (stop_s, within_s) = times_s(&program, seed, corner_speed);
+                let worst = worst_of_larger(stop_s, &within_s);
+                assert!(worst <= 1.0011, "{} {seed}: {within_s:?} s, {stop_s} s with stops", program.name);
+            }
         }
     }
 }
@@ -225,6 +227,17 @@ fn a_step_of_a_raster_within_reach_is_as_fast_as_with_stops() {
     for (program, tolerance_mm, most_s) in [(u_turn(3.0, 0.18), 0.3, 0.354), (raster(12, 10.0, 0.2), 0.2, 3.36)] {
         let time_s = seconds(&program, within(tolerance_mm), 6_000.0, &machine, CornerSpeed::Steady);
         assert!(time_s <= most_s, "{}: {time_s} s", program.name);
+    }
+}
+
+#[test]
+fn in_plans_for_the_least_time_a_short_step_back_takes_no_time_of_its_own() {
+    // With its corners rounded or stopped in, the raster took 0.91 of the time with stops, and the u-turn 0.96.
+    let machine = machine();
+    for (program, tolerance_mm, most) in [(u_turn(9.0, 0.05), 0.02, 0.9), (raster(12, 10.0, 0.2), 0.05, 0.8)] {
+        let stop_s = seconds(&program, PathControl::ExactStop, 6_000.0, &machine, CornerSpeed::Changing);
+        let time_s = seconds(&program, within(tolerance_mm), 6_000.0, &machine, CornerSpeed::Changing);
+        assert!(time_s <= most * stop_s, "{}: {time_s} s, {stop_s} s with stops", program.name);
     }
 }
 

@@ -28,6 +28,7 @@ mod stop;
 #[cfg(test)]
 mod test_path;
 mod trim;
+mod turn;
 mod vector;
 mod ways;
 
@@ -264,6 +265,15 @@ impl<T: Carried> PathSmoother<T> {
                 }
                 return;
             }
+            match self.turns_back(is_last, joining) {
+                None => return,
+                Some(true) => {
+                    self.round_turn(joining, emit);
+                    continue;
+                }
+                Some(false) => {}
+            }
+            let Some(front) = self.pending.front() else { return };
             let is_corner = matches!(front.joint, Joint::Corner { .. });
             let goes_on = match self.stops_behind(0, is_last) {
                 None => None,

@@ -15,10 +15,11 @@ use serde::{Deserialize, Serialize};
 
 use super::curve::Open;
 use super::joint::Joint;
+use super::turn::TURN_SEEN;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::tolerance::{
     CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS,
-    MOST_TRIED_IN_LEAST_TIME, TRAIL, TRIED_PERIOD_S, WAYS_SEEN,
+    MOST_TRIED_IN_LEAST_TIME, MOST_TRIED_TOGETHER, TRAIL, TRIED_PERIOD_S, WAYS_SEEN,
 };
 use crate::{
     Element, LimitPiece, Machine, MotionRequest, PathMotion, Planned, Planner, PlannerSettings, Stretch, Stretches,
@@ -39,6 +40,8 @@ pub(super) enum Way {
     Rounded,
     /// The path stops in it.
     Stop,
+    /// With the one beside it, as a U-turn.
+    Turned,
 }
 
 /// What is tried, on how much of the path.
@@ -65,18 +68,20 @@ impl<T: Carried> PathSmoother<T> {
             let others = &[Way::Stop, Way::Alone];
             (open.last + WAYS_SEEN, Trials { usual, others, elements: usize::MAX, trail: TRAIL, are_mixed: true })
         } else {
-            if open.last > MOST_TRIED_IN_LEAST_TIME || !open.is_at_its_start() {
+            let are_few = open.last > MOST_TRIED_IN_LEAST_TIME && 2 * count < open.last;
+            if are_few || !open.is_at_its_start() {
                 return Some(false);
             }
-            let (others, elements) = (&[Way::Alone], open.last + 2);
-            (open.last + 1, Trials { usual, others, elements, trail: 1, are_mixed: false })
+            let elements = open.last.min(MOST_TRIED_TOGETHER) + 2;
+            let others = &[Way::Alone, Way::Turned];
+            (elements - 1, Trials { usual, others, elements, trail: 1, are_mixed: false })
         };
         if self.pending.len() < seen && !is_last {
             return None;
         }
         let corners = self.undecided(seen, LEAST_STOP_KINK);
         let mut ways = self.quickest(Some(open), &corners, count, &trials, joining);
-        ways.truncate(count);
+        ways.truncate(count.min(corners.len()));
         self.set_ways(&corners, &ways);
         Some(ways.iter().any(|&way| way != Way::Joined))
     }
@@ -97,6 +102,13 @@ impl<T: Carried> PathSmoother<T> {
         let ways = self.quickest(None, &corners, 1, &trials, joining);
         self.set_ways(&corners, &ways[..1]);
         false
+    }
+
+    /// The quickest ways found to pass the two corners of a U-turn.
+    pub(super) fn quickest_turn(&self, corners: &[usize], joining: Joining<'_>) -> Vec<Way> {
+        let others = &[Way::Alone, Way::Turned];
+        let trials = Trials { usual: Way::Open, others, elements: TURN_SEEN, trail: 1, are_mixed: false };
+        self.quickest(None, corners, corners.len(), &trials, joining)
     }
 
     /// The sharp corners among the first joints that may be passed in any way.
@@ -130,7 +142,7 @@ impl<T: Carried> PathSmoother<T> {
         let mut least_s = usual_s / if are_few { FEW_STOPS_GAIN } else { CORNER_STOP_GAIN };
         let mut times_s = Vec::new();
         for &way in trials.others {
-            let tried = vec![way; corners.len()];
+            let Some(tried) = self.all_in(way, corners, joining) else { continue };
             let Some(seconds) = seconds(&tried) else { continue };
             // Rounded by itself may be a stop.
             if seconds == usual_s || times_s.iter().any(|&(_, other)| other == seconds) {
@@ -163,7 +175,22 @@ impl<T: Carried> PathSmoother<T> {
         ways
     }
 
-    fn set_ways(&mut self, corners: &[usize], ways: &[Way]) {
+    /// One way for all these corners; that of U-turns is taken where there are some, and the others alone.
+    fn all_in(&self, way: Way, corners: &[usize], joining: Joining<'_>) -> Option<Vec<Way>> {
+        if way != Way::Turned {
+            return Some(vec![way; corners.len()]);
+        }
+        let mut ways = vec![Way::Alone; corners.len()];
+        for k in 1..corners.len() {
+            let is_pair = corners[k] == corners[k - 1] + 1 && ways[k - 1] != Way::Turned;
+            if is_pair && self.u_turn(corners[k - 1], joining).is_some() {
+                (ways[k - 1], ways[k]) = (Way::Turned, Way::Turned);
+            }
+        }
+        ways.contains(&Way::Turned).then_some(ways)
+    }
+
+    pub(super) fn set_ways(&mut self, corners: &[usize], ways: &[Way]) {
         for (&index, &chosen) in corners.iter().zip(ways) {
             if let Joint::Corner { way, .. } = &mut self.pending[index].joint {
                 *way = chosen;

@@ -504,7 +504,7 @@ impl<T: Carried> PathSmoother<T> {
 }
 
 /// A position with X, Y and Z of its own.
-fn place(beside: &Position, [x, y, z]: Vector) -> Position {
+pub(super) fn place(beside: &Position, [x, y, z]: Vector) -> Position {
     let mut position = *beside;
     position[..3].copy_from_slice(&[x, y, z]);
     position
