@@ -214,7 +214,7 @@ impl<T: Carried> PathSmoother<T> {
             let parts = self.turn_parts(&turn)?;
             Some((turn, parts))
         }) else {
-            // What was found to be quicker is there as long as the elements are.
+            // A turn before it has taken the room that there was when it was tried.
             self.set_ways(&[0, 1], &[Way::Alone; 2]);
             return;
         };

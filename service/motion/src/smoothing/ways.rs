@@ -3,9 +3,11 @@
 //! One curve over several of them may turn so tightly that the path creeps along it, where it would have been faster to stop in them;
 //! how long either takes depends on all of them, on the blocks between them, and on how fast the path is before and behind. So the
 //! ways are tried: what is held of the path is smoothed and planned in each of them, from rest to rest with the pieces before it, and
-//! the quickest is taken. In plans for the least time, which never stop between corners that near, that is done for curves over few blocks, with
-//! those beside them: a larger tolerance could make one curve of corners that are quicker each by itself. In plans of runs the corners behind those that are decided are passed in the same way in the trial: on a path of many like
-//! corners each of them is judged among like ones.
+//! the quickest is taken.
+//!
+//! Plans for the least time hardly ever stop between corners that near. They try curves over few blocks, and those most of whose corners
+//! are sharp, against the corners each by itself and as U-turns ([`turn`](super::turn)). In plans of runs the corners behind those that
+//! are decided are passed in the same way in the trial: on a path of many like corners each of them is judged among like ones.
 //!
 //! The interpolation period of trials is always the same, so that the path does not depend on that of the job.
 
