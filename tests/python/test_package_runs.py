@@ -115,8 +115,13 @@ def test_a_run_survives_kills_and_everything_is_heard_once(own_server):
     own_server.end()
 
 
-def test_asyncio_runs_survive_kills(own_server):
+@pytest.mark.parametrize("stop", ["kill", "end"])
+def test_asyncio_runs_survive_kills_and_restarts(own_server, stop):
     sensor, heard = Sensor(), Heard()
+
+    def restart():
+        getattr(own_server, stop)()
+        own_server.start()
 
     async def scene(job):
         async with feedwave.aio.connect(own_server.ports["grpc"]) as client, client.run(job, ahead_s=0.0) as run:
@@ -130,8 +135,7 @@ def test_asyncio_runs_survive_kills(own_server):
                     await run.send(**sensor.along(event))
                 count += 1
                 if count in (10, 40):
-                    own_server.kill()
-                    own_server.start()
+                    await asyncio.to_thread(restart)
             assert count > 40
             return run.name
 
@@ -437,6 +441,7 @@ def test_what_does_not_pass_is_not_tried_again(error):
         errors.Unavailable("Socket closed"),
         errors.Unknown("Stream removed"),
         errors.Internal("RST_STREAM (Received RST_STREAM with error code 2)"),
+        errors.Internal("Internal error from Core"),
         errors.Cancelled("Received RST_STREAM with error code 8"),
         errors.Unknown("GOAWAY received"),
         errors.ResourceExhausted("busy", details=errors.Details(domain="feedwave", retry_after_s=0.0)),

@@ -13,9 +13,9 @@ from google.rpc import error_details_pb2, status_pb2
 
 # Trailer that carries a google.rpc.Status.
 _DETAILS = "grpc-status-details-bin"
-# What the library says of a connection that broke under a call, by whichever side. Everything else without details is an error of this side,
+# What the library says of a connection that broke under a call, by whichever side; the last where asyncio wrote into the call just then. Everything else without details is an error of this side,
 # as of a request that cannot be written, or of something between that is no such service.
-_BROKEN = re.compile(r"RST_STREAM|GOAWAY|stream removed|no status received|(socket|endpoint|transport|connection) (closed|reset)", re.IGNORECASE)
+_BROKEN = re.compile(r"RST_STREAM|GOAWAY|stream removed|no status received|(socket|endpoint|transport|connection) (closed|reset)|internal error from core", re.IGNORECASE)
 
 
 class Error(Exception):

@@ -279,6 +279,14 @@ fn text(judged: &[Judged], not_listed: u64, args: &Args) -> String {
     text
 }
 
+/// The stability limit at worst by the largest depth, at a spindle speed; infinite where nothing chatters, `None` where the lobes do not
+/// have all speeds within the tolerance.
+fn stability_margin(chart: &[(f64, Option<f64>)], spindle_rev_per_min: f64, args: &Args) -> Option<f64> {
+    let depth = args.depth.unwrap_or_default();
+    let judged = stability_robustness(chart, spindle_rev_per_min, args.speed_tolerance, depth, args.depth_tolerance)?;
+    Some(judged.worst_margin.unwrap_or(f64::INFINITY))
+}
+
 /// The map of a section as CSV and pictures; how many files were written.
 fn write_map(
     section: &Judged,
@@ -295,16 +303,22 @@ fn write_map(
     });
     let largest_feed_mm = MAP_FEED_RATIO * cut.feed_per_rev_mm;
     let (mut limit, mut safe) = (Vec::new(), Vec::new());
-    let mut csv = String::from("spindle_rev_per_min,feed_mm_per_rev,margin,worst_margin,safe\n");
+    let mut csv = String::from("spindle_rev_per_min,feed_mm_per_rev,margin,worst_margin,stability_margin,safe\n");
     for spindle_rev_per_min in speeds {
         let at = CutCondition { spindle_rev_per_min, ..*cut };
         let figures = worst_and_margin(&at, &tolerances);
         limit.push((spindle_rev_per_min, figures[0] * cut.feed_per_rev_mm));
         safe.push((spindle_rev_per_min, figures[1] * cut.feed_per_rev_mm));
+        let stability_margin = chart.map(|chart| stability_margin(chart, spindle_rev_per_min, args));
+        // What is not judged is not safe.
+        let is_stable = stability_margin.is_none_or(|margin| margin.is_some_and(|margin| margin >= 1.0));
+        let may_be_safe = is_stable && section.gap.is_none();
+        let stability = stability_margin.flatten().map_or_else(String::new, |margin| margin.to_string());
         for step in 1..=MAP_FEEDS {
             let feed_mm = largest_feed_mm * f64::from(step) / f64::from(MAP_FEEDS);
             let [margin, worst] = figures.map(|figure| figure * cut.feed_per_rev_mm / feed_mm);
-            let _ = writeln!(csv, "{spindle_rev_per_min},{feed_mm},{margin},{worst},{}", u8::from(worst >= 1.0));
+            let is_safe = u8::from(may_be_safe && worst >= 1.0);
+            let _ = writeln!(csv, "{spindle_rev_per_min},{feed_mm},{margin},{worst},{stability},{is_safe}");
         }
     }
     let name = format!("robustness-line-{}", section.first_line);

@@ -1,5 +1,6 @@
 //! `feedwave lsp` as an editor has it: messages on standard input and output.
 
+use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
 
@@ -124,6 +125,53 @@ fn at(uri: &str, line: u32, character: u32) -> Value {
 
 fn codes(shown: &[Value]) -> Vec<&str> {
     shown.iter().filter_map(|diagnostic| diagnostic["code"].as_str()).collect()
+}
+
+#[test]
+fn a_hover_says_what_is_in_force_behind_its_line() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("O9001.nc"), "O9001\nG1 X41 Y30\nM99\n").unwrap();
+    let root = uri(directory.path());
+    let mut session = Session::start();
+    // Options as they are, as editors without settings of their own say them.
+    let options = json!({ "machine-kind": "mill", "dialect": "haas", "include": ["."] });
+    let params = json!({ "processId": null, "capabilities": {}, "rootUri": root, "initializationOptions": options });
+    session.ask("initialize", &params);
+    session.tell("initialized", &json!({}));
+    let name = format!("{root}/main.nc");
+    let lines = [
+        "G21 G17 G90",
+        "T2 M6",
+        "S800 M3",
+        "G0 X5 Y0 Z5",
+        "G1 F500 X10",
+        "M98 P9001",
+        "(behind it)",
+        "G1 X20",
+        "M5",
+        "M30",
+    ];
+    session.open(&name, &(lines.join("\n") + "\n"));
+    let mut hover = |line: u32| {
+        let answer = session.ask("textDocument/hover", &at(&name, line, 0));
+        answer["result"]["contents"]["value"].as_str().unwrap_or_default().to_owned()
+    };
+    for (line, said) in [
+        (1, "- tool: T2"),
+        (2, "- spindle: M3 S800"),
+        (4, "- feed: F500"),
+        (4, "- position: x10 y0"),
+        (5, "- position (since line 2 of O9001.nc): x41 y30"),
+        (6, "- position (since line 2 of O9001.nc): x41 y30"),
+        (7, "- position: x20 y30"),
+        (8, "- spindle: M5"),
+        (8, "- position (since line 8): x20 y30"),
+    ] {
+        let text = hover(line);
+        assert!(text.contains(said), "line {line}: {said} is not in\n{text}");
+    }
+    assert!(!hover(3).contains("M5"));
+    session.end();
 }
 
 #[test]

@@ -53,8 +53,11 @@ fn maps_have_the_safe_region_as_values_and_picture() {
     assert_eq!(names, ["csv", "png", "svg"].map(|ending| format!("{stem}.{ending}")));
     let csv = fs::read_to_string(maps.join(&names[0])).unwrap();
     let mut lines = csv.lines();
-    assert_eq!(lines.next(), Some("spindle_rev_per_min,feed_mm_per_rev,margin,worst_margin,safe"));
-    let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(|value| value.parse().unwrap()).collect()).collect();
+    assert_eq!(lines.next(), Some("spindle_rev_per_min,feed_mm_per_rev,margin,worst_margin,stability_margin,safe"));
+    // Without lobes nothing is said of stability.
+    let values =
+        |line: &str| line.split(',').filter(|value| !value.is_empty()).map(|value| value.parse().unwrap()).collect();
+    let rows: Vec<Vec<f64>> = lines.map(values).collect();
     assert_eq!(rows.len(), 401 * 100);
     for row in &rows {
         let [speed, feed, margin, worst, safe] = row[..] else { panic!("{row:?}") };
@@ -96,6 +99,24 @@ fn lobes_of_a_file_judge_the_depth() {
     let deep = judge("50");
     assert_eq!(code(&deep), 1);
     assert!(stdout(&deep).contains("stable for 0 % of the values"), "{}", stdout(&deep));
+    // In the map, nothing is safe that is not stable.
+    for (depth, is_stable) in [("0.01", true), ("50", false)] {
+        let maps = directory.path().join(depth);
+        run(&[&"robustness", &program, &"--lobes", &lobes, &"--depth", &depth, &"--out", &maps]);
+        let csv = fs::read_dir(&maps)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .find(|path| path.extension().unwrap() == "csv");
+        let text = fs::read_to_string(csv.unwrap()).unwrap();
+        let mut safe = 0;
+        for line in text.lines().skip(1) {
+            let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
+            assert_eq!(values[4] >= 1.0, is_stable, "{line}");
+            assert_eq!(values[5] == 1.0, is_stable && values[3] >= 1.0, "{line}");
+            safe += u32::from(values[5] == 1.0);
+        }
+        assert_eq!(safe > 0, is_stable);
+    }
     // Speeds that the lobes do not have are not judged, and so do not hold.
     fs::write(
         &lobes,

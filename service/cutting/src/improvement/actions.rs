@@ -121,7 +121,7 @@ fn without(mut action: Operation, meant: Meant) -> Operation {
         (OperationKind::Spindle(spindle), Meant::SpindleSpeeds) => still(&mut spindle.speed),
         (OperationKind::Thread(pass), Meant::SpindleSpeeds) => still(&mut pass.spindle.speed),
         (OperationKind::Thread(pass), Meant::Threads) => {
-            (pass.amplitude_mm, pass.phase_shift_deg) = (None, None);
+            (pass.amplitude_mm, pass.amplitude_word, pass.phase_shift_deg) = (None, None, None);
         }
         _ => {}
     }

@@ -330,6 +330,23 @@ fn tolerances_rise_where_that_saves_time() {
 }
 
 #[test]
+fn a_threading_pass_gets_the_amplitude_that_cuts_its_chip() {
+    // The words become longer and shorter than they were, before and behind others of the block.
+    for (pass, cured) in
+        [("F1.5 A0.4", "F1.5 A0.6002"), ("R0 F1.5 A0.4", "R0 F1.5 A0.6002"), ("F1.5 A0.123456", "F1.5 A0.6002")]
+    {
+        let program = format!(
+            "G21 G18 G99 G97 S300 M3\nG0 X26. Z6.\nG165 P3 X20. Q1.3\nG0 X19.4\nG32 Z-25. {pass}\nG0 X26.\nZ6.\nX18.9\n\
+             G32 Z-25. F1.5 R180.\nG0 X26.\nZ6.\nG165 P0\nM30\n"
+        );
+        let config = lathe();
+        let improvement = improved(&program, &config, &goals());
+        is_consistent(&program, &config, &improvement);
+        assert!(text(&improvement).contains(cured), "{pass}: {:?}", improvement.steps);
+    }
+}
+
+#[test]
 fn a_threading_pass_gets_the_phase_that_cuts_its_chip() {
     let pass = |x: f64, words: &str| format!("G0 X14. Z10.\nG0 X{x}\nG32 Z-10. F2.5 {words}\nG0 X14.\n");
     let program = format!(

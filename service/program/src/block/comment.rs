@@ -30,7 +30,6 @@ impl Block {
             return false;
         }
         self.extent = (self.extent.0.min(token.start), self.extent.1.max(token.end));
-        self.has_failed = true;
         let outside = Token { end: (end + outer + 1) as u32, letter: 0, ..token };
         self.defect(code::TEXT, outside, findings, |mut finding| {
             "comments do not nest: this one ends at its first )".clone_into(&mut finding.message);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use feedwave_contract::convert::action_to_proto;
-use feedwave_contract::proto::Action;
+use feedwave_contract::proto::{Action, ActionFeed, ActionSpindle};
 use feedwave_cutting::{Interpretation, InterpretationStep};
 
 use super::document::Document;
@@ -43,9 +43,7 @@ pub(super) fn text(
             let _ = writeln!(text, "and {more}{} further actions\n", if found.is_cut { " or more" } else { "" });
         }
     }
-    if let Some(motion) = &found.motion {
-        text.push_str(&state(motion, found.motion_line != line + 1));
-    }
+    text.push_str(&found.state.text(line + 1));
     let time = judged.filter(|judged| judged.version == document.version).and_then(|judged| {
         let time = judged.times.get(line as usize).filter(|time| time.takes_s > 0.0)?;
         let (start, takes, end) = (number(time.start_s, 6), number(time.takes_s, 4), number(time.end_s, 6));
@@ -55,26 +53,59 @@ pub(super) fn text(
     (!text.is_empty()).then_some(text)
 }
 
-/// What is in force behind a motion.
-fn state(motion: &Action, is_of_earlier_line: bool) -> String {
-    let mut text = String::new();
-    let place = if is_of_earlier_line { format!(" (since line {})", motion.line) } else { String::new() };
-    let end = motion.end.unwrap_or_default();
-    let _ = writeln!(text, "- position{place}: {} mm, X a radius", interpret::axes(&end, &end));
-    if let (Some(machine), Some(offset)) = (&motion.machine_end, &motion.offset) {
-        let _ = writeln!(text, "- machine: {}", interpret::axes(machine, machine));
-        let _ = writeln!(text, "- offset: {}", interpret::axes(offset, offset));
+/// What is in force behind the actions so far.
+#[derive(Clone, Default)]
+struct State {
+    /// The last motion.
+    motion: Option<Action>,
+    feed: Option<ActionFeed>,
+    spindle: Option<ActionSpindle>,
+    tool: u32,
+}
+
+impl State {
+    fn follow(&mut self, action: &Action) {
+        if action.end.is_some() {
+            self.motion = Some(action.clone());
+        }
+        if action.feed.is_some() {
+            self.feed.clone_from(&action.feed);
+        }
+        if action.spindle.is_some() {
+            self.spindle.clone_from(&action.spindle);
+        }
+        if action.tool > 0 {
+            self.tool = action.tool;
+        }
     }
-    if let Some(feed) = &motion.feed {
-        let _ = writeln!(text, "- feed: {}", interpret::feed_text(feed));
+
+    /// As Markdown, for a line counted from 1.
+    fn text(&self, line: u32) -> String {
+        let mut text = String::new();
+        if let Some(motion) = &self.motion {
+            let place = match (motion.file.as_str(), motion.line) {
+                ("", own) if own == line => String::new(),
+                ("", other) => format!(" (since line {other})"),
+                (file, other) => format!(" (since line {other} of {file})"),
+            };
+            let end = motion.end.unwrap_or_default();
+            let _ = writeln!(text, "- position{place}: {} mm, X a radius", interpret::axes(&end, &end));
+            if let (Some(machine), Some(offset)) = (&motion.machine_end, &motion.offset) {
+                let _ = writeln!(text, "- machine: {}", interpret::axes(machine, machine));
+                let _ = writeln!(text, "- offset: {}", interpret::axes(offset, offset));
+            }
+        }
+        if let Some(feed) = &self.feed {
+            let _ = writeln!(text, "- feed: {}", interpret::feed_text(feed));
+        }
+        if let Some(spindle) = &self.spindle {
+            let _ = writeln!(text, "- spindle: {}", interpret::spindle_text(spindle));
+        }
+        if self.tool > 0 {
+            let _ = writeln!(text, "- tool: T{}", self.tool);
+        }
+        text
     }
-    if let Some(spindle) = &motion.spindle {
-        let _ = writeln!(text, "- spindle: {}", interpret::spindle_text(spindle));
-    }
-    if motion.tool > 0 {
-        let _ = writeln!(text, "- tool: T{}", motion.tool);
-    }
-    text
 }
 
 /// What was found of a line.
@@ -86,44 +117,43 @@ struct Found {
     count: usize,
     /// There are more than are counted.
     is_cut: bool,
-    /// The last motion of the line, or of the nearest line before it that has one.
-    motion: Option<Action>,
-    motion_line: u32,
+    /// What is in force behind it.
+    state: State,
 }
 
 /// Reads the program up to the first run of a line, counted from 1.
 fn find(document: &Document, setup: &mut Setup, line: u32, withdrawn: &AtomicBool) -> Option<Found> {
     let mut interpretation = Interpretation::new(&setup.config);
     let mut found = Found::default();
+    // Of a line without actions: what is in force before the first run of the nearest line behind it that has some.
+    let mut behind: Option<(u32, State)> = None;
     for _ in 0..MAX_STEPS {
         if withdrawn.load(Ordering::Relaxed) {
             return None;
         }
         let step = interpretation.step();
         for operation in interpretation.take_operations() {
-            let is_here = operation.span.program == 0 && operation.span.line == line;
+            let own_line = Some(operation.span.line).filter(|_| operation.span.program == 0);
+            let is_here = own_line == Some(line);
             if !is_here && found.count > 0 {
                 return Some(found);
             }
-            let before = operation.span.program == 0 && operation.span.line <= line;
-            if !before || operation.span.line < found.motion_line && !is_here {
-                continue;
-            }
             let action = action_to_proto(&operation, &setup.config.programs);
-            if action.end.is_some() {
-                found.motion_line = operation.span.line;
-                found.motion = Some(action.clone());
-            }
             if is_here {
                 found.count += 1;
                 if found.actions.len() < MAX_SHOWN {
-                    found.actions.push(action);
+                    found.actions.push(action.clone());
                 }
                 if found.count >= MAX_COUNTED {
                     found.is_cut = true;
                     return Some(found);
                 }
+            } else if let Some(own) = own_line.filter(|&own| own > line)
+                && behind.as_ref().is_none_or(|&(nearest, _)| own < nearest)
+            {
+                behind = Some((own, found.state.clone()));
             }
+            found.state.follow(&action);
         }
         match step {
             InterpretationStep::More => {}
@@ -137,6 +167,9 @@ fn find(document: &Document, setup: &mut Setup, line: u32, withdrawn: &AtomicBoo
                 Err(_) => break,
             },
         }
+    }
+    if let Some((_, state)) = behind.filter(|_| found.count == 0) {
+        found.state = state;
     }
     Some(found)
 }

@@ -271,7 +271,9 @@ impl<W: Write> Server<W> {
         let folders = params.workspace_folders.iter().flatten().map(|folder| &folder.uri);
         #[allow(deprecated, reason = "older editors say the workspace only so")]
         let root = folders.chain(&params.root_uri).next().and_then(places::path);
-        self.settings = EditorSettings { options: options(params.initialization_options.as_ref()), root };
+        // As they are, or within `options` as editors say settings.
+        let given = params.initialization_options.as_ref().map(|given| given.get("options").unwrap_or(given));
+        self.settings = EditorSettings { options: options(given), root };
         let workspace = params.capabilities.workspace.unwrap_or_default();
         self.refreshes_hints = workspace.inlay_hint.and_then(|it| it.refresh_support) == Some(true);
         self.watches_files = workspace.did_change_watched_files.and_then(|it| it.dynamic_registration) == Some(true);
@@ -338,7 +340,7 @@ impl<W: Write> Server<W> {
             }
             "workspace/didChangeWatchedFiles" => self.judge_everything(),
             "workspace/didChangeConfiguration" => {
-                self.settings.options = options(told.params.pointer("/settings/feedwave"));
+                self.settings.options = options(told.params.pointer("/settings/feedwave/options"));
                 self.judge_everything()
             }
             "$/cancelRequest" => {
@@ -476,10 +478,9 @@ impl<W: Write> Server<W> {
     }
 }
 
-/// The options of the editor, `{ "options": { … } }`.
-fn options(settings: Option<&Value>) -> Map<String, Value> {
-    let options = settings.and_then(|settings| settings.get("options")).and_then(Value::as_object);
-    options.cloned().unwrap_or_default()
+/// The options that an editor says: an object of them.
+fn options(given: Option<&Value>) -> Map<String, Value> {
+    given.and_then(Value::as_object).cloned().unwrap_or_default()
 }
 
 fn capabilities() -> ServerCapabilities {

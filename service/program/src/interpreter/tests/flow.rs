@@ -48,6 +48,11 @@ fn mill_codes(program: &str) -> Vec<String> {
 }
 
 #[test]
+fn what_follows_a_comment_within_a_comment_is_still_read() {
+    assert_eq!(mill_codes("(TOOL 1 (10MM) ROUGH)\nG0 X1\nG9999\nM30"), ["PRG-TEXT", "PRG-UNKNOWN-CODE"]);
+}
+
+#[test]
 fn goto_leads_to_the_block_of_its_number_forward_and_back() {
     assert_eq!(mill_xs("GOTO 20\nN10 G0 X1\nGOTO30\nN20 G0 X2\nGOTO 10\nN30 X3"), [2.0, 1.0, 3.0]);
     assert_eq!(mill_xs("IF [1 EQ 2] GOTO 20\nG0 X1\nN20 G0 X2"), [1.0, 2.0]);
