@@ -4,6 +4,7 @@ mod common;
 
 use std::sync::Arc;
 
+use common::changes::{check_limits, wave};
 use common::{Setpoints, all_bits, resume, run, snapshots};
 use feedwave_cutting::{AppendError, MachineProfile, OverrideChange, Pipeline, PipelineConfig, PlanQuality, Step};
 use proptest::prelude::*;
@@ -15,24 +16,6 @@ X9.9\nX9.8\nX9.7\nX9.6\nX9.5\nX9.4\nG4 P50\nG1 X0 Y20 F1200\nY0\nM30\n";
 fn config(overrides: &[(u64, f64)]) -> PipelineConfig {
     let overrides = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
     PipelineConfig { overrides, ..PipelineConfig::new(MachineProfile::mill()) }
-}
-
-/// Third differences of every axis stay within the limits of the machine.
-fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) -> Result<(), TestCaseError> {
-    let h = config.period_s();
-    for (axis, column) in config.profile.machine.axes.iter().zip(&setpoints.axes) {
-        for (k, p) in column.windows(4).enumerate() {
-            let velocity = (p[3] - p[2]) / h;
-            let acceleration = (p[3] - 2.0 * p[2] + p[1]) / (h * h);
-            let jerk = (p[3] - 3.0 * p[2] + 3.0 * p[1] - p[0]) / (h * h * h);
-            // Positions round to 1e-14 mm.
-            let noise = 1e-12 / (h * h * h);
-            prop_assert!(velocity.abs() <= axis.max_velocity_per_s * (1.0 + 1e-6), "{velocity} at {k}");
-            prop_assert!(acceleration.abs() <= axis.max_acceleration_per_s2 * (1.0 + 1e-6), "{acceleration} at {k}");
-            prop_assert!(jerk.abs() <= axis.max_jerk_per_s3 * (1.0 + 1e-6) + noise, "{jerk} at {k} of {}", axis.name);
-        }
-    }
-    Ok(())
 }
 
 /// Positions over path length of a run, to look up by bisection.
@@ -309,16 +292,6 @@ fn a_change_before_what_was_handed_out_is_refused() {
     assert!(matches!(append(&mut pipeline, 100, f64::NAN), Err(AppendError::Ratio(_))));
     assert_eq!(append(&mut pipeline, 120, 1.0), Ok(()));
     assert_eq!(append(&mut pipeline, 120, 1.2), Err(AppendError::TooEarly { index: 120, earliest: 121 }));
-}
-
-/// A wavy cut of short blocks within a tolerance, close to the limits of the machine all along.
-fn wave() -> String {
-    let mut program = String::from("G21 G90 G94 G17 G64 P0.02\nG0 X0 Y0 Z0\nG1 F20000\n");
-    for k in 1..=900 {
-        let x = 0.2 * f64::from(k);
-        program += &format!("X{x:.4} Y{:.4}\n", 4.0 * (0.35 * x).sin() + 1.5 * (0.11 * x).cos() - 1.5);
-    }
-    program + "M30\n"
 }
 
 fn least_time(overrides: &[(u64, f64)]) -> PipelineConfig {

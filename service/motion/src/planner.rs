@@ -10,14 +10,15 @@
 //! so that acceleration carries on from one short block into the next. Then a backward and a forward pass over the
 //! ends of the runs, where there is no acceleration, give the speeds there, and each run one [`Profile`].
 //!
-//! A feed override scales the commanded speeds. When it changes, the caller takes back what has not been run
-//! ([`Planner::withdraw`]) and has it planned again from the present speed ([`Planner::restart`]); that speed may then
-//! be too high for the new commands, and the first runs brake.
+//! A feed override scales the commanded speeds. When it changes, what has not been run is planned again from the present speed
+//! ([`restart`]); that speed may then be too high for the new commands, and the first runs brake.
 
+mod behind;
 mod change;
 mod reach;
 mod refine;
 mod request;
+mod restart;
 mod runs;
 mod start;
 
@@ -30,6 +31,7 @@ use crate::speed::AxisLimits;
 use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE, LEAST_START, WINDOW_BYTES};
 use crate::{Machine, Stretch};
 
+use behind::Behind;
 use reach::WithinReach;
 pub use reach::{MOST_BYTES_WITHIN_REACH, MOST_WITHIN_REACH, TooManyWithinReach};
 use refine::{Released, Row};
@@ -113,10 +115,14 @@ pub struct Planner<B> {
     /// Memory that the chain takes, and with which it is planned next, bytes.
     chain_bytes: usize,
     next_plan_bytes: usize,
-    /// Chain length at which a start is tried next; none is once the first part of a chain was released.
+    /// Chain length at which a start is tried next; none is once the first part of a chain was released, unless it was planned again.
     next_start: Option<usize>,
-    /// What comes after the place where no speed is commanded; there is such a place where this is not `None`.
-    held: Option<VecDeque<PathItem<B>>>,
+    /// Whether the path was planned again: it is then released in short parts, for the next time.
+    was_changed: bool,
+    /// What is to be planned behind the chain, before anything that is pushed.
+    behind: Behind<B>,
+    /// Whether the path rests at the end of what is ready because no speed is commanded behind it.
+    is_held: bool,
     /// Whether nothing follows what was pushed.
     finished: bool,
     /// Whether a restart has turned out to be impossible.
@@ -124,19 +130,11 @@ pub struct Planner<B> {
     ready: VecDeque<Released<B>>,
     /// What of it is settled, where it is planned for the least time.
     row: Row,
-    /// Where a restart is free to choose the speed at the chain's start.
+    /// Where a restart is free to choose the speed at the chain's start: lowest and highest, mm/s.
     #[serde(skip)]
-    free_entry: Option<FreeEntry>,
+    free_entry: Option<[f64; 2]>,
     #[serde(skip)]
     scratch: Plan,
-}
-
-/// A speed at the start of a chain that is chosen when it is first planned.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct FreeEntry {
-    /// Lowest, mm/s.
-    least: f64,
-    chosen: Option<f64>,
 }
 
 impl<B> Planner<B> {
@@ -155,7 +153,9 @@ impl<B> Planner<B> {
             chain_bytes: 0,
             next_plan_bytes: settings.window_bytes,
             next_start: Some(LEAST_START),
-            held: None,
+            was_changed: false,
+            behind: Behind::default(),
+            is_held: false,
             finished: false,
             too_fast: false,
             ready: VecDeque::new(),
@@ -175,7 +175,7 @@ impl<B> Planner<B> {
     /// Whether the path is at rest, or will be, at a place where no speed is commanded.
     #[must_use]
     pub const fn is_held(&self) -> bool {
-        self.held.is_some()
+        self.is_held
     }
 
     /// Adds the next element. Says so where more is within reach of the first that waits than may wait: all that waits is then
@@ -183,7 +183,7 @@ impl<B> Planner<B> {
     pub fn push_motion(&mut self, request: MotionRequest) -> Option<TooManyWithinReach> {
         if request.reach_mm == 0.0 {
             self.plan_all_within_reach();
-            self.plan_motion(request);
+            self.add(PathItem::Motion(request));
             return None;
         }
         let too_many = self.within_reach.push(request);
@@ -191,22 +191,31 @@ impl<B> Planner<B> {
             self.plan_all_within_reach();
         }
         while let Some(known) = self.within_reach.pop() {
-            self.plan_motion(known);
+            self.add(PathItem::Motion(known));
         }
         too_many
+    }
+
+    /// Plans what comes next, or leaves it behind what is to be planned before.
+    fn add(&mut self, item: PathItem<B>) {
+        if self.is_held || !self.behind.is_empty() { self.behind.push_back(item) } else { self.plan_item(item) }
+    }
+
+    fn plan_item(&mut self, item: PathItem<B>) {
+        match item {
+            PathItem::Motion(request) => self.plan_motion(request),
+            PathItem::Barrier(barrier) => self.plan_barrier(barrier),
+        }
     }
 
     /// Nothing that follows is within reach of what waits.
     fn plan_all_within_reach(&mut self) {
         for (_, request) in self.within_reach.take() {
-            self.plan_motion(request);
+            self.add(PathItem::Motion(request));
         }
     }
 
     fn plan_motion(&mut self, request: MotionRequest) {
-        if let Some(held) = &mut self.held {
-            return held.push_back(PathItem::Motion(request));
-        }
         let top_speed = |stretch: &Stretch, request: &MotionRequest| {
             stretch.limits.velocity.min(request.commanded(stretch, self.feed_override).max(self.overspeed))
         };
@@ -222,16 +231,13 @@ impl<B> Planner<B> {
         if junction.is_none() {
             self.release_chain();
         }
-        if let Some(held) = &mut self.held {
-            return held.push_back(PathItem::Motion(request));
+        if self.is_held {
+            return self.behind.push_front(PathItem::Motion(request));
         }
         let passed_reserve = if self.entry_speed > 0.0 { request.entry_reserve } else { 0.0 };
         let entry = junction.unwrap_or(Junction { reserve: passed_reserve, ..Junction::REST });
         self.chain_bytes += request.bytes();
         self.chain.push_back(Waiting { request, entry });
-        if self.is_restarting() {
-            return;
-        }
         if self.chain.len() >= self.next_plan || self.chain_bytes >= self.next_plan_bytes {
             self.release_window();
         } else if self.next_start.is_some_and(|count| self.chain.len() >= count) {
@@ -253,29 +259,40 @@ impl<B> Planner<B> {
     /// Adds a barrier; the path rests there.
     pub fn push_barrier(&mut self, barrier: B) {
         self.plan_all_within_reach();
-        self.plan_barrier(barrier);
+        self.add(PathItem::Barrier(barrier));
     }
 
     fn plan_barrier(&mut self, barrier: B) {
         self.release_chain();
-        match &mut self.held {
-            Some(held) => held.push_back(PathItem::Barrier(barrier)),
-            None => {
-                self.scratch.lacks_more = false;
-                self.ready.push_back(Released::barrier(barrier));
-            }
+        if self.is_held {
+            return self.behind.push_front(PathItem::Barrier(barrier));
         }
+        self.scratch.lacks_more = false;
+        self.ready.push_back(Released::barrier(barrier));
     }
 
     /// Says that nothing follows.
     pub fn finish(&mut self) {
         self.plan_all_within_reach();
         self.finished = true;
-        self.release_chain();
+        if self.behind.is_empty() {
+            self.release_chain();
+        }
     }
 
     /// Takes the next planned item; `None` until more is pushed or the path is finished.
     pub fn pop(&mut self) -> Option<Planned<B>> {
+        loop {
+            if let Some(planned) = self.pop_ready() {
+                return Some(planned);
+            }
+            if !self.plan_more() {
+                return None;
+            }
+        }
+    }
+
+    fn pop_ready(&mut self) -> Option<Planned<B>> {
         if self.settings.limits.is_some() {
             self.settle_first();
             self.row.settled = self.row.settled.checked_sub(1)?;
@@ -283,80 +300,26 @@ impl<B> Planner<B> {
         self.ready.pop_front().map(|released| released.planned)
     }
 
+    /// Plans the next of what is to be planned behind the chain; whether there was something.
+    fn plan_more(&mut self) -> bool {
+        if self.is_held {
+            return false;
+        }
+        if let Some(item) = self.behind.pop_front() {
+            self.plan_item(item);
+            return true;
+        }
+        let ends_here = self.finished && !self.chain.is_empty();
+        if ends_here {
+            self.release_chain();
+        }
+        ends_here
+    }
+
     /// What was pushed and is not planned, in order.
     pub fn waiting(&self) -> impl Iterator<Item = Ahead<'_, B>> {
-        let held = self.held.iter().flatten().map(|item| match item {
-            PathItem::Motion(request) => Ahead::Motion(request),
-            PathItem::Barrier(barrier) => Ahead::Barrier(barrier),
-        });
         let within_reach = self.within_reach.waiting().map(Ahead::Motion);
-        self.chain.iter().map(|waiting| Ahead::Motion(&waiting.request)).chain(held).chain(within_reach)
-    }
-
-    /// Takes back everything that was pushed and not popped, in order.
-    pub fn withdraw(&mut self) -> Vec<PathItem<B>> {
-        self.row = Row::default();
-        self.scratch.lacks_more = false;
-        let ready = self.ready.drain(..).map(|released| PathItem::from(released.planned));
-        self.chain_bytes = 0;
-        let chain = self.chain.drain(..).map(|waiting| PathItem::Motion(waiting.request));
-        ready.chain(chain).chain(self.held.take().into_iter().flatten()).collect()
-    }
-
-    /// Plans `path`, what was withdrawn, anew: from `speed` mm/s without acceleration, at another feed override. At 0 the
-    /// path comes to rest as soon as it can, where the override acts on it.
-    ///
-    /// # Errors
-    /// [`TooFast`] when the path ahead, as far as it is known, cannot be run from that speed within the limits; the
-    /// planner is then of no more use, and what it was copied from goes on.
-    pub fn restart(&mut self, speed: f64, feed_override: f64, path: Vec<PathItem<B>>) -> Result<(), TooFast> {
-        self.feed_override = feed_override;
-        self.entry_speed = speed;
-        self.overspeed = speed;
-        self.begun = None;
-        self.runs_before.clear();
-        // What is known is planned as a whole.
-        self.next_plan = usize::MAX;
-        self.next_start = None;
-        for item in path {
-            match item {
-                PathItem::Motion(request) => self.plan_motion(request),
-                PathItem::Barrier(barrier) => self.plan_barrier(barrier),
-            }
-        }
-        if self.finished {
-            self.release_chain();
-        } else if self.chain.len() >= self.settings.window || self.chain_bytes >= self.settings.window_bytes {
-            self.release_window();
-        } else if self.entry_speed > 0.0 && self.plan(None) {
-            match self.scratch.stop {
-                Some(stop) => self.release_until(stop),
-                None => self.runs_before = self.scratch.run_lengths(0),
-            }
-        }
-        self.next_plan = self.settings.window.max(self.chain.len() + 1);
-        self.next_plan_bytes = self.settings.window_bytes.max(self.chain_bytes + 1);
-        if self.too_fast || self.chain.is_empty() && self.entry_speed > 0.0 { Err(TooFast) } else { Ok(()) }
-    }
-
-    /// [`Planner::restart`] from the highest of these speeds, lowest and highest, from which the commands ahead can be kept, or
-    /// else from the lowest; the speed.
-    fn restart_within(
-        &mut self,
-        [least, most]: [f64; 2],
-        feed_override: f64,
-        path: Vec<PathItem<B>>,
-    ) -> Result<f64, TooFast> {
-        let moves = most > 0.0;
-        self.free_entry = moves.then_some(FreeEntry { least, chosen: None });
-        let restarted = self.restart(most.max(0.0), feed_override, path);
-        let chosen = self.free_entry.take().map_or(Some(0.0), |entry| entry.chosen);
-        restarted.and(chosen.ok_or(TooFast))
-    }
-
-    /// Whether a restart is in progress, which plans what is known as a whole.
-    const fn is_restarting(&self) -> bool {
-        self.next_plan == usize::MAX
+        self.chain.iter().map(|waiting| Ahead::Motion(&waiting.request)).chain(self.behind.items()).chain(within_reach)
     }
 
     /// Releases the chain, which ends here at rest.
@@ -407,7 +370,7 @@ impl<B> Planner<B> {
         match self.scratch.cut(self.chain.len() / 2).filter(|&(count, _)| count >= enough) {
             Some((count, speed)) => {
                 self.release(count, speed);
-                self.next_start = None;
+                self.start_again();
             }
             // All of it brakes: with more of the path known there will be a place to divide it.
             None if !is_overdue => self.runs_before = self.scratch.run_lengths(0),
@@ -436,15 +399,12 @@ impl<B> Planner<B> {
             }
         }
         plan.gather(self.begun.as_ref(), &[]);
-        if let Some(FreeEntry { least, chosen: chosen @ None }) = &mut self.free_entry {
-            *chosen = plan.entry_within([*least, self.entry_speed]);
-            match *chosen {
-                Some(speed) => self.entry_speed = speed,
-                None => {
-                    self.too_fast = true;
-                    return false;
-                }
-            }
+        if let Some(range) = self.free_entry {
+            let Some(speed) = plan.entry_within(range) else {
+                self.too_fast = true;
+                return false;
+            };
+            self.entry_speed = speed;
         }
         if plan.solve(self.entry_speed) {
             return true;
@@ -493,11 +453,12 @@ impl<B> Planner<B> {
         self.begun = None;
         self.runs_before.clear();
         self.count_bytes();
-        self.held = Some(VecDeque::new());
+        self.is_held = true;
     }
 
     /// Releases the first `count` elements of the planned chain, which has this speed behind them, mm/s.
     fn release(&mut self, count: usize, end_speed: f64) {
+        self.free_entry = None;
         let mut node = 0;
         for Waiting { mut request, entry } in self.chain.drain(..count) {
             request.entry_reserve = entry.reserve;

@@ -216,6 +216,8 @@ pub(crate) const FIRST_PLAN: usize = 1_000;
 pub(crate) const LEAST_START: usize = 32;
 /// Time of what such a start releases at the least, s.
 pub(crate) const START_S: f64 = 1.0;
+/// The same where the path is planned again after a change of the feed override: of less the rest would soon have to be planned.
+pub(crate) const RESTART_S: f64 = 0.3;
 /// Length of a run that may go on, in lengths of its stop, from which what is slower is not joined to it but divided from it: twice
 /// the one from which a run with the same acceleration is.
 pub(crate) const LONG_STOPS: f64 = 4.0;

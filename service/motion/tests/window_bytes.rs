@@ -54,6 +54,7 @@ fn waiting(planner: &Planner<u32>) -> [usize; 3] {
             };
             size_of::<MotionRequest>() + pieces * PIECE_BYTES + size_of_val(request.stretches.as_slice())
         }
+        Ahead::Planned(_) => unreachable!("nothing is planned again"),
         Ahead::Barrier(_) => 0,
     });
     let sizes: Vec<_> = sizes.collect();

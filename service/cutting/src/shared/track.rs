@@ -134,8 +134,14 @@ impl<B: PathBarrier> Track<B> {
         }
     }
 
-    /// Takes back every item from this one on; those that were only shown have no stretches.
-    pub(crate) fn withdraw(&mut self, from: usize) -> impl Iterator<Item = Planned<B>> {
+    /// Items from this one on that are to be planned again: those that were only shown are not among them.
+    pub(crate) fn planned_from(&self, from: usize) -> impl Iterator<Item = Ahead<'_, B>> {
+        let from = from.min(self.items.len());
+        self.items.range(from..).filter(|item| !item.is_shown()).map(|item| Ahead::from(&item.planned))
+    }
+
+    /// Forgets every item from this one on.
+    pub(crate) fn withdraw(&mut self, from: usize) {
         let from = from.min(self.items.len());
         let is_end = |item: &Item<B>| matches!(&item.planned, Planned::Barrier(barrier) if barrier.ends_path());
         self.end_is_known &= !(self.end_is_shown || self.items.range(from..).any(is_end));
@@ -146,26 +152,18 @@ impl<B: PathBarrier> Track<B> {
             self.known_mm = last.start_mm + last.length_mm();
         }
         self.bytes = self.items.range(..from).map(Item::bytes).sum();
-        self.items.drain(from..).map(|item| item.planned)
+        self.items.truncate(from);
     }
 
-    /// Adds what lies ahead of a feed hold without being planned, up to the end of the section or of what is known.
-    pub(crate) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, B>>)
+    /// Adds what lies ahead of a feed hold without being planned: the first of it, and as much as is asked for, up to the end of the
+    /// section or of what is known.
+    pub(crate) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, B>>, is_enough: impl Fn(&Self) -> bool)
     where
         B: 'a,
     {
         let mut shown = 0;
         for item in path {
             match item {
-                Ahead::Motion(request) if request.start == 0.0 => {
-                    shown += 1;
-                    if shown > self.shown {
-                        let planned = Planned::Motion(PlannedMotion::unplanned(request));
-                        self.items.push_back(Item { start_mm: self.known_mm, planned });
-                        self.known_mm += request.element.length;
-                        self.shown = shown;
-                    }
-                }
                 Ahead::Barrier(barrier) if barrier.ends_path() => {
                     self.end_is_known = true;
                     self.end_is_shown = true;
@@ -173,7 +171,17 @@ impl<B: PathBarrier> Track<B> {
                 }
                 // No section is in progress, and what lies behind is another path.
                 Ahead::Barrier(barrier) if barrier.starts_path() => return,
-                _ => {}
+                _ if !item.begins_element() => {}
+                _ if shown < self.shown => shown += 1,
+                _ if self.shown > 0 && is_enough(self) => return,
+                _ => {
+                    let Some(motion) = item.unplanned() else { continue };
+                    let start_mm = self.known_mm;
+                    self.known_mm += motion.element.length;
+                    self.items.push_back(Item { start_mm, planned: Planned::Motion(motion) });
+                    shown += 1;
+                    self.shown = shown;
+                }
             }
         }
     }

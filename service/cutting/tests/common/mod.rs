@@ -1,6 +1,7 @@
 //! Running whole programs for tests.
 #![allow(dead_code, reason = "every test file uses its part")]
 
+pub mod changes;
 pub mod cures;
 pub mod machines;
 pub mod measured;

@@ -153,10 +153,18 @@ impl<'a> Rest<'a> {
         [least / CEILING_MARGIN, most.max(least / CEILING_MARGIN)]
     }
 
-    /// What is left where it is run up to the place `length`, and what follows.
-    fn followed_by<B>(&self, length: f64, path: Vec<PathItem<B>>) -> Vec<PathItem<B>> {
+    /// What is left where it is run up to the place `length`, and what follows: first `path`, then `own`, which is part of it only where
+    /// there is no `path`; how many own items there are in it.
+    fn followed_by<B>(
+        &self,
+        length: f64,
+        path: Vec<PathItem<B>>,
+        own: Option<PathItem<B>>,
+    ) -> (Vec<PathItem<B>>, usize) {
         let mut left = self.left_from(length);
-        let mut path = path.into_iter().peekable();
+        let own = own.filter(|_| path.is_empty());
+        let has = usize::from(own.is_some());
+        let mut path = path.into_iter().chain(own).peekable();
         if let (Some(last), Some(PathItem::Motion(next))) = (left.last_mut(), path.peek())
             && next.start > 0.0
             && last.stretches.last().is_some_and(|last| last.end == next.start)
@@ -165,7 +173,7 @@ impl<'a> Rest<'a> {
             last.stretches.extend(next.stretches.iter().copied());
             path.next();
         }
-        left.into_iter().map(PathItem::Motion).chain(path).collect()
+        (left.into_iter().map(PathItem::Motion).chain(path).collect(), has)
     }
 
     /// What is left of its path where it is run up to the place `length`.
@@ -233,15 +241,18 @@ impl<B> Planner<B> {
     }
 
     /// Plans a course anew at another feed override: `rest` are motions on it, the first one from the present place on, as far as
-    /// [`Planner::reach_of_change`] or to where its plan ends; `path` is what follows, as it was withdrawn. The motions that
+    /// [`Planner::reach_of_change`] or to where its plan ends; `path` is what follows in front of what was not taken. The motions that
     /// are run first; what is behind them is planned as by [`Planner::restart`]. `None` where there is no such plan; the course
-    /// then has to go on, and the planner is of no more use.
+    /// then has to go on, and the planner is as it was.
     pub fn change_course(
         &mut self,
         rest: &[PlannedMotion],
         feed_override: f64,
         path: Vec<PathItem<B>>,
-    ) -> Option<Vec<PlannedMotion>> {
+    ) -> Option<Vec<PlannedMotion>>
+    where
+        B: Clone,
+    {
         let limits = self.settings.limits.clone()?;
         let first = rest.first()?.stretches.first()?;
         let (_, speed, acceleration, _) = first.profile.state(0.0);
@@ -262,18 +273,21 @@ impl<B> Planner<B> {
                     break;
                 }
                 if let Some(course) = self.changed(&rest, [stop_mm, 0.0], &braking, &limits) {
-                    self.restart(0.0, feed_override, rest.followed_by(course.length(), path)).ok()?;
+                    let path = rest.followed_by(course.length(), path, self.first_not_taken());
+                    let again = self.planned_again([0.0; 2], feed_override, path).ok()?;
+                    self.go_on_with(again);
                     return Some(rest.on(&course));
                 }
             }
         }
-        let path = rest.followed_by(rest.length(), path);
-        let end_speed = self.restart_within(rest.end_speeds(along), feed_override, path).ok()?;
+        let path = rest.followed_by(rest.length(), path, self.first_not_taken());
+        let again = self.planned_again(rest.end_speeds(along), feed_override, path).ok()?;
         let course = BRAKING_SHARES.into_iter().find_map(|share| {
             let braking = Braking::new(rest.speed, rest.acceleration, target, &along(share));
-            self.changed(&rest, [rest.length(), end_speed], &braking, &limits)
-        });
-        course.map(|course| rest.on(&course))
+            self.changed(&rest, [rest.length(), again.speed], &braking, &limits)
+        })?;
+        self.go_on_with(again);
+        Some(rest.on(&course))
     }
 
     /// A course from the present state to a speed at a place. It may be as fast as a braking, whatever is commanded.

@@ -138,10 +138,10 @@ impl PlannedMotion {
         Self { element: self.element.clone(), stretches, ..*self }
     }
 
-    /// The element of a request, without any motion.
+    /// Asks again for all of it.
     #[must_use]
-    pub fn unplanned(request: &MotionRequest) -> Self {
-        Self::new(request.clone(), SmallVec::new())
+    pub fn request(&self) -> MotionRequest {
+        self.request_from(0, self.stretches.first().map_or(0.0, |first| first.start))
     }
 
     /// Asks again for the part of it that begins at arc length `start`, mm, inside or at the start of stretch `first`.
@@ -239,17 +239,48 @@ pub enum PathItem<B> {
 pub enum Ahead<'a, B> {
     /// An element.
     Motion(&'a MotionRequest),
+    /// An element that was planned before a change of the feed override.
+    Planned(&'a PlannedMotion),
     /// A barrier, at which the path rests.
     Barrier(&'a B),
+}
+
+impl<B> Ahead<'_, B> {
+    /// Whether an element begins here; not with the rest of one.
+    #[must_use]
+    pub fn begins_element(&self) -> bool {
+        match self {
+            Self::Motion(request) => request.start == 0.0,
+            Self::Planned(motion) => !motion.goes_on(),
+            Self::Barrier(_) => false,
+        }
+    }
+
+    /// The element, without any motion.
+    #[must_use]
+    pub fn unplanned(&self) -> Option<PlannedMotion> {
+        match self {
+            Self::Motion(request) => Some(PlannedMotion::new((*request).clone(), SmallVec::new())),
+            Self::Planned(motion) => Some(motion.with_stretches(SmallVec::new())),
+            Self::Barrier(_) => None,
+        }
+    }
+}
+
+impl<B: Clone> From<Ahead<'_, B>> for PathItem<B> {
+    fn from(ahead: Ahead<'_, B>) -> Self {
+        match ahead {
+            Ahead::Motion(request) => Self::Motion(request.clone()),
+            Ahead::Planned(motion) => Self::Motion(motion.request()),
+            Ahead::Barrier(barrier) => Self::Barrier(barrier.clone()),
+        }
+    }
 }
 
 impl<B> From<Planned<B>> for PathItem<B> {
     fn from(planned: Planned<B>) -> Self {
         match planned {
-            Planned::Motion(motion) => {
-                let start = motion.stretches.first().map_or(0.0, |stretch| stretch.start);
-                Self::Motion(motion.request_from(0, start))
-            }
+            Planned::Motion(motion) => Self::Motion(motion.request()),
             Planned::Barrier(barrier) => Self::Barrier(barrier),
         }
     }

@@ -195,6 +195,11 @@ impl Run {
         self.limits.velocity
     }
 
+    /// Highest speed of its limits whatever is commanded, mm/s.
+    pub(super) const fn hard_velocity(&self) -> f64 {
+        self.hard_velocity
+    }
+
     /// The limits with the largest velocity whatever is commanded.
     fn hard_limits(&self) -> PathLimits {
         PathLimits { velocity: self.hard_velocity, ..self.limits }
@@ -239,6 +244,8 @@ pub(super) struct Plan {
     pub(super) nodes: Vec<Node>,
     pub(super) runs: Vec<Run>,
     pub(super) stop: Option<Stop>,
+    /// Whether it is entered faster than its commands permit.
+    pub(super) is_overspeed: bool,
     pub(super) speed: SpeedPlanner,
     /// Whether what is released was found to be too little to settle more of it.
     pub(super) lacks_more: bool,
@@ -314,6 +321,7 @@ impl Plan {
         self.backward(velocity);
         let Some(first) = self.runs.first() else { return true };
         let is_overspeed = entry_speed > first.entry * (1.0 + SOLVER_SLACK);
+        self.is_overspeed = is_overspeed;
         if is_overspeed {
             self.backward(|run| run.hard_velocity);
             if entry_speed > self.runs[0].entry * (1.0 + SOLVER_SLACK) {

@@ -12,28 +12,47 @@
 
 use super::Planner;
 use super::runs::{Plan, Run};
-use crate::tolerance::{LONG_STOPS, OPEN_STOPS, START_S};
+use crate::tolerance::{LONG_STOPS, OPEN_STOPS, RESTART_S, START_S};
 
 impl<B> Planner<B> {
-    /// Releases the first part of a chain that comes from rest, where enough of it is settled; otherwise it is tried again with half
-    /// as many elements more.
+    /// Releases the first part of a chain that comes from rest, or was planned again, where enough of it is settled; otherwise it is tried
+    /// again with half as many elements more.
     pub(super) fn start(&mut self) {
         self.next_start = Some(self.chain.len() + self.chain.len() / 2);
         let comes_from_rest = self.entry_speed == 0.0 && self.overspeed == 0.0;
-        if self.is_held() || !comes_from_rest || !self.plan(None) || self.scratch.stop.is_some() {
+        if self.is_held || !(comes_from_rest || self.was_changed) {
             return;
         }
-        if let Some((count, speed)) = self.scratch.settled_cut() {
-            self.release(count, speed);
-            self.next_start = None;
+        if !self.plan(None) {
+            // There may be a way with more of the path known.
+            self.too_fast = false;
+            return;
+        }
+        if let Some(stop) = self.scratch.stop {
+            if self.was_changed {
+                self.release_until(stop);
+            }
+            return;
+        }
+        let time_s = if self.was_changed { RESTART_S } else { START_S };
+        match self.scratch.settled_cut(time_s) {
+            Some((count, speed, command)) => {
+                self.release(count, speed);
+                if speed <= command {
+                    self.overspeed = 0.0;
+                }
+                self.start_again();
+            }
+            None if self.was_changed => self.runs_before = self.scratch.run_lengths(0),
+            None => {}
         }
     }
 }
 
 impl Plan {
-    /// Where to divide a planned chain that comes from rest so that its first part is as it would be with more of the path known, and
-    /// takes [`START_S`]: the number of elements, and the speed there, at which it has no acceleration.
-    fn settled_cut(&mut self) -> Option<(usize, f64)> {
+    /// Where to divide a planned chain so that its first part is as it would be with more of the path known, and takes this time at the
+    /// least: the number of elements, the speed there, at which it has no acceleration, and the highest speed of the limits there.
+    fn settled_cut(&mut self, least_s: f64) -> Option<(usize, f64, f64)> {
         let settled = self.settled_runs()?;
         let mut before_s = Vec::with_capacity(settled);
         let mut time_s = 0.0;
@@ -43,7 +62,7 @@ impl Plan {
         }
         (0..settled).rev().find_map(|run| {
             let (node, speed, inside_s) = self.place_in_cruise(run).or_else(|| self.place_at_start(run))?;
-            (before_s[run] + inside_s >= START_S).then(|| (self.element(node), speed))
+            (before_s[run] + inside_s >= least_s).then(|| (self.element(node), speed, self.runs[run].velocity()))
         })
     }
 
@@ -53,15 +72,26 @@ impl Plan {
         let open = self.open_run()?;
         // Joined by what asks for less, a short run would be another one; a long one is divided instead.
         let known = if self.runs[open].length >= LONG_STOPS * self.runs[open].stop_mm() { open + 1 } else { open };
-        let last_velocity = self.runs[..known].last()?.velocity();
-        let mut speeds = |end_speed: f64| -> Vec<f64> {
-            self.backward_from(known, end_speed, Run::velocity);
-            self.runs[..known].iter().map(|run| run.passing).collect()
+        // From rest the path is never above the speeds from which what follows is passed.
+        let comes_from_rest = entry_speed == 0.0;
+        let mut settled = self.settled_of(known, Run::velocity, !comes_from_rest)?;
+        if self.is_overspeed {
+            settled = settled.min(self.settled_of(known, Run::hard_velocity, true)?);
+        }
+        self.solve(entry_speed).then_some(settled)
+    }
+
+    /// How many of the first `known` runs have the same highest speeds at their starts whatever follows them.
+    fn settled_of(&mut self, known: usize, velocity: fn(&Run) -> f64, with_entries: bool) -> Option<usize> {
+        let last_velocity = self.runs[..known].last().map(velocity)?;
+        let mut speeds = |end_speed: f64| -> Vec<[f64; 2]> {
+            self.backward_from(known, end_speed, velocity);
+            let own = |run: &Run| [run.passing, if with_entries { run.entry } else { run.passing }];
+            self.runs[..known].iter().map(own).collect()
         };
         // A change of speed takes longest to a third of it.
         let [rest, slow, fast] = [0.0, last_velocity / 3.0, last_velocity].map(&mut speeds);
-        let settled = (0..known).take_while(|&run| rest[run] == slow[run] && slow[run] == fast[run]).count();
-        self.solve(entry_speed).then_some(settled)
+        Some((0..known).take_while(|&run| rest[run] == slow[run] && slow[run] == fast[run]).count())
     }
 
     /// The run that may go on: the last one before the last element, whose limits are not known.
@@ -94,4 +124,4 @@ impl Plan {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -4,9 +4,11 @@
 //! jerk allows; from there on everything ahead is planned anew. While the path brakes, it goes on braking first. The
 //! path itself is the same all the time.
 
-use feedwave_motion::{Ahead, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, StretchProfile};
+use feedwave_motion::{
+    Ahead, Course, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, ProfilePart, StretchProfile,
+};
 
-use super::{Activity, ActivityKind, After, Barrier, Interpolator, State};
+use super::{Activity, ActivityKind, After, Barrier, Interpolator, State, Track};
 
 /// A place this close to the end of a stretch is its end, mm: rounding of path lengths.
 const SAME_PLACE_MM: f64 = 1e-9;
@@ -42,7 +44,6 @@ impl Interpolator {
                 return Some(ready);
             }
         }
-        let before = (self.state.clone(), planner.clone());
         let current = self.state.track.current_index();
         let changed = match activity.kind {
             ActivityKind::Stretch(index) if is_on_course(&self.state, index) => {
@@ -57,7 +58,6 @@ impl Interpolator {
             _ => self.restart_at_rest(planner, current + 1, ratio),
         };
         let Some(motions) = changed else {
-            (self.state, *planner) = before;
             let soon = self.state.next + (TRY_AGAIN_S / self.settings.period_s).ceil() as u64;
             let is_course = matches!(activity.kind, ActivityKind::Stretch(index) if is_on_course(&self.state, index));
             return Some(if is_course { soon } else { activity.last + 1 });
@@ -132,7 +132,8 @@ impl Interpolator {
 
     /// Shows the path beyond a feed hold to the vibration, which may reach over it.
     pub(crate) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, Barrier>>) {
-        self.state.track.show_path(path);
+        let State { track, functions, .. } = &mut self.state;
+        track.show_path(path, |track| functions.know_path(track));
     }
 
     /// Whether an activity is not over, or there is a planned motion to go on with.
@@ -151,8 +152,10 @@ impl Interpolator {
         from: usize,
         ratio: f64,
     ) -> Option<Vec<PlannedMotion>> {
-        let path = self.withdraw(planner, from);
-        planner.restart(0.0, ratio, path).ok().map(|()| Vec::new())
+        let track = &mut self.state.track;
+        planner.restart(0.0, ratio, track.planned_from(from).map(PathItem::from).collect()).ok()?;
+        track.withdraw(from);
+        Some(Vec::new())
     }
 
     /// Ends the acceleration of the stretch in progress and has the path from there on planned anew.
@@ -163,48 +166,46 @@ impl Interpolator {
         index: usize,
         ratio: f64,
     ) -> Option<Vec<PlannedMotion>> {
-        let (clock, period_s) = (self.state.clock, self.settings.period_s);
-        let now_s = (self.state.next - clock.period) as f64 * period_s - clock.lead_s;
+        let now_s = self.now_s();
         let track = &mut self.state.track;
         let current = track.current_index();
+        let mut parts = vec![phases(track, current, index)?.broken_off(now_s)];
         let (mut item, mut stretch) = (current, index);
-        let mut part = track.motion(item)?.stretches.get(stretch)?.profile.phases()?.broken_off(now_s);
         // The run may go on over several elements before its acceleration has ended.
         let end_mm = loop {
-            let motion = track.motion_mut(item)?;
-            let last = motion.stretches.len() - 1;
-            let planned = &mut motion.stretches[stretch];
+            let part = parts.last()?;
+            let planned = track.motion(item)?.stretches.get(stretch)?;
             let [_, wanted] = planned.profile.phases()?.range();
             let [_, reached] = part.range();
-            planned.profile = StretchProfile::Phases(part);
             if reached < wanted - SAME_PLACE_MM {
                 break planned.start + part.length();
             }
             if reached >= part.whole().length() - SAME_PLACE_MM {
                 break planned.stretch.end;
             }
-            if stretch < last {
-                stretch += 1;
-            } else {
-                (item, stretch) = (item + 1, 0);
-                if track.motion(item).is_none() {
-                    track.push(planner.pop()?);
-                }
-            }
-            part = track.motion(item)?.stretches.get(stretch)?.profile.phases()?.after(&part);
+            (item, stretch) = next_stretch(track, planner, item, stretch)?;
+            let next = phases(track, item, stretch)?.after(parts.last()?);
+            parts.push(next);
         };
-        let motion = track.motion_mut(item)?;
+        let motion = track.motion(item)?;
         let next = if end_mm < motion.stretches[stretch].stretch.end { stretch } else { stretch + 1 };
         let rest_of_element = (next < motion.stretches.len()).then(|| motion.request_from(next, end_mm));
+        let mut path: Vec<_> = rest_of_element.map(PathItem::Motion).into_iter().collect();
+        path.extend(track.planned_from(item + 1).map(PathItem::from));
+        planner.restart(parts.last()?.whole().end_velocity(), ratio, path).ok()?;
+
+        track.withdraw(item + 1);
+        let (mut at, mut own) = (current, index);
+        for part in parts {
+            let motion = track.motion_mut(at)?;
+            motion.stretches[own].profile = StretchProfile::Phases(part);
+            (at, own) = if own + 1 < motion.stretches.len() { (at, own + 1) } else { (at + 1, 0) };
+        }
+        let motion = track.motion_mut(item)?;
         motion.stretches.truncate(stretch + 1);
         motion.stretches[stretch].stretch.end = end_mm;
-
-        let duration_s = track.motion(current)?.stretches[index].profile.duration();
-        let end = clock.advanced(duration_s, period_s);
-        self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
-        let mut path: Vec<_> = rest_of_element.map(PathItem::Motion).into_iter().collect();
-        path.extend(self.withdraw(planner, item + 1));
-        planner.restart(part.whole().end_velocity(), ratio, path).ok().map(|()| Vec::new())
+        self.end_with_stretch(activity, index)?;
+        Some(Vec::new())
     }
 
     /// Has the course in progress planned anew from the present speed and acceleration, and the path behind it; the motions on the
@@ -216,8 +217,7 @@ impl Interpolator {
         index: usize,
         ratio: f64,
     ) -> Option<Vec<PlannedMotion>> {
-        let (clock, period_s) = (self.state.clock, self.settings.period_s);
-        let now_s = (self.state.next - clock.period) as f64 * period_s - clock.lead_s;
+        let now_s = self.now_s();
         let track = &mut self.state.track;
         let current = track.current_index();
         let mut item = current;
@@ -243,29 +243,63 @@ impl Interpolator {
             let planned = motion.stretches.get(next)?;
             Some(PathItem::Motion(motion.request_from(next, planned.start)))
         });
+        let mut path: Vec<_> = rest_of_element.into_iter().collect();
+        path.extend(track.planned_from(item + 1).map(PathItem::from));
+        let run = self.course_until(current, index, now_s)?;
+        let motions = planner.change_course(&rest, ratio, path)?;
 
+        let track = &mut self.state.track;
+        track.withdraw(current + 1);
         let motion = track.motion_mut(current)?;
         motion.stretches.truncate(index + 1);
         let planned = motion.stretches.get_mut(index)?;
-        let StretchProfile::Course(course) = &planned.profile else { return None };
-        let run = course.until(now_s);
         planned.stretch.end = planned.start + run.length();
         planned.profile = StretchProfile::Course(run);
-        let duration_s = planned.profile.duration();
-        let end = clock.advanced(duration_s, period_s);
-        self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
-        let mut path: Vec<_> = rest_of_element.into_iter().collect();
-        path.extend(self.state.track.withdraw(current + 1).skip(item - current).map(PathItem::from));
-        path.extend(planner.withdraw());
-        planner.change_course(&rest, ratio, path)
+        self.end_with_stretch(activity, index)?;
+        Some(motions)
     }
 
-    /// Takes back everything from an item of the track on.
-    fn withdraw(&mut self, planner: &mut Planner<Barrier>, from: usize) -> Vec<PathItem<Barrier>> {
-        let is_planned =
-            |item: &Planned<Barrier>| !matches!(item, Planned::Motion(motion) if motion.stretches.is_empty());
-        let mut path: Vec<_> = self.state.track.withdraw(from).filter(is_planned).map(PathItem::from).collect();
-        path.extend(planner.withdraw());
-        path
+    /// Time since the activity in progress began, s.
+    fn now_s(&self) -> f64 {
+        let clock = self.state.clock;
+        (self.state.next - clock.period) as f64 * self.settings.period_s - clock.lead_s
     }
+
+    /// What comes of the course of a stretch before a local time, s.
+    fn course_until(&self, item: usize, stretch: usize, t_s: f64) -> Option<Course> {
+        match &self.state.track.motion(item)?.stretches.get(stretch)?.profile {
+            StretchProfile::Course(course) => Some(course.until(t_s)),
+            StretchProfile::Phases(_) => None,
+        }
+    }
+
+    /// Ends the activity in progress with the stretch of the current motion that it is on, which was changed.
+    fn end_with_stretch(&mut self, activity: Activity, stretch: usize) -> Option<()> {
+        let motion = self.state.track.motion(self.state.track.current_index())?;
+        let duration_s = motion.stretches.get(stretch)?.profile.duration();
+        let end = self.state.clock.advanced(duration_s, self.settings.period_s);
+        self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
+        Some(())
+    }
+}
+
+/// The phases of a stretch of a motion of the track.
+fn phases(track: &Track<Barrier>, item: usize, stretch: usize) -> Option<&ProfilePart> {
+    track.motion(item)?.stretches.get(stretch)?.profile.phases()
+}
+
+/// The stretch behind this one, of its motion or of the next one, which is taken where it was not.
+fn next_stretch(
+    track: &mut Track<Barrier>,
+    planner: &mut Planner<Barrier>,
+    item: usize,
+    stretch: usize,
+) -> Option<(usize, usize)> {
+    if stretch + 1 < track.motion(item)?.stretches.len() {
+        return Some((item, stretch + 1));
+    }
+    if track.motion(item + 1).is_none() {
+        track.push(planner.pop()?);
+    }
+    Some((item + 1, 0))
 }

@@ -6,15 +6,15 @@ use crate::{
     limit_pieces, stretches,
 };
 
-fn machine() -> Machine {
+pub(in crate::planner) fn machine() -> Machine {
     let axes = [Axis::X, Axis::Y, Axis::Z].map(|axis| MachineAxis::new(axis, 200.0, 2_000.0, 30_000.0));
     Machine { kind: MachineKind::Mill, axes: axes.to_vec(), max_spindle_rev_per_min: 20_000.0 }
 }
 
 /// Length of a line or radius and sweep of an arc, tangent to what is before; and the feed, mm/min.
-type Piece = (f64, Option<f64>, f64);
+pub(in crate::planner) type Piece = (f64, Option<f64>, f64);
 
-fn request(
+pub(in crate::planner) fn request(
     at: &mut Position,
     heading: &mut f64,
     (size, sweep, feed): Piece,
@@ -77,7 +77,7 @@ fn planned(pieces: &[Piece], starts: bool) -> (f64, usize) {
     (time_s, first.unwrap_or_default())
 }
 
-fn pieces() -> impl Strategy<Value = Vec<Piece>> {
+pub(in crate::planner) fn pieces() -> impl Strategy<Value = Vec<Piece>> {
     let feed = prop_oneof![Just(1_200.0), Just(6_000.0), Just(30_000.0)];
     let line = (0.05..8.0_f64).prop_map(|length| (length, None));
     let arc = (0.5..40.0_f64, 0.02..1.5_f64, any::<bool>())
