@@ -205,6 +205,10 @@ pub(crate) const ALONE_SHARE: f64 = 0.25;
 /// first and the last block of an arc in chords are often shorter.
 pub(crate) const EVEN_TURN_SHARE: f64 = 0.3;
 
+/// Largest difference of the velocities, by the path, with which a rotary axis turns along a block, as a share of their mean, for the block
+/// to be part of a curve over many.
+pub(crate) const MOST_UNEVEN_SHARE: f64 = 0.5;
+
 /// Most tries for the cut between curves.
 pub(crate) const MAX_CORNER_TRIES: usize = 12;
 

@@ -2,6 +2,7 @@
 //! retreat of tool centre point control, refusals, streams from the middle, and a freeform program whose flicker goes.
 
 mod ahead;
+mod chains;
 #[path = "../common/mod.rs"]
 mod common;
 mod corners;

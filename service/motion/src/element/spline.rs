@@ -215,23 +215,29 @@ impl Spline {
         Self::of_pieces(origin, pieces, length_mm)
     }
 
-    /// A Bézier span of degree 5, and by its arc length other coordinates with control points over the same parameter: those have no
-    /// arc length of their own.
+    /// A chain of Bézier spans, and by its arc length other coordinates with control points over the same parameters: those have no arc
+    /// length of their own. Each span starts where the one before ends.
     ///
-    /// `None` where it does not move, holds a number that is not finite, or has a cusp.
-    pub(crate) fn with_others(points: &[[f64; 3]; 6], others: &[[f64; 3]; 6]) -> Option<[Self; 2]> {
-        if !points.iter().chain(others).flatten().all(|value| value.is_finite()) {
+    /// `None` where one does not move, holds a number that is not finite, or has a cusp.
+    pub(crate) fn with_others<const POINTS: usize>(
+        spans: &[[[f64; 3]; POINTS]],
+        others: &[[[f64; 3]; POINTS]],
+    ) -> Option<[Self; 2]> {
+        let values = || spans.iter().chain(others).flatten().flatten();
+        if !values().all(|value| value.is_finite()) {
             return None;
         }
-        let origins = [points[0], others[0]];
-        let span = |points: &[[f64; 3]; 6]| {
-            let [x0, y0, z0] = points[0];
+        let origins = [spans.first()?[0], others.first()?[0]];
+        let size_mm = values().fold(0.0_f64, |size, value| size.max(value.abs()));
+        let relative = |points: &[[f64; 3]; POINTS], [x0, y0, z0]: [f64; 3]| {
             Bezier::new(&points.map(|[x, y, z]| [x - x0, y - y0, z - z0, 1.0]))
         };
-        let spans = [span(points), span(others)];
-        let size_mm = points.iter().chain(others).flatten().fold(0.0_f64, |size, value| size.max(value.abs()));
         let mut pieces = [Vec::new(), Vec::new()];
-        let length_mm = fit::append(&mut pieces, [&spans[0], &spans[1]], 0.0, size_mm, 0)?;
+        let mut length_mm = 0.0;
+        for (own, others) in spans.iter().zip(others) {
+            let both = [relative(own, origins[0]), relative(others, origins[1])];
+            length_mm = fit::append(&mut pieces, [&both[0], &both[1]], length_mm, size_mm, 0)?;
+        }
         let [own, others] = pieces;
         Some([Self::of_pieces(&origins[0], own, length_mm)?, Self::of_pieces(&origins[1], others, length_mm)?])
     }

@@ -93,6 +93,14 @@ impl RotaryDirections {
         rotate(self.first, first, rotate(self.second, second, v))
     }
 
+    /// Derivatives of the direction by either rotary value, turned back by the first one: a₁×v₂ and a₂×v₂ with v₂ = R₂(θ₂)·d. Lengths and
+    /// angles between them depend on the second value alone.
+    #[must_use]
+    pub(crate) fn changes(&self, second_rad: f64) -> [Vec3; 2] {
+        let direction = rotate(self.second, libm::sincos(second_rad), self.tool);
+        [cross(self.first, direction), cross(self.second, direction)]
+    }
+
     /// v = R₁(θ₁)·R₂(θ₂)·d, a unit vector in chain coordinates.
     #[must_use]
     pub fn at(&self, rotary_rad: [f64; 2]) -> Vec3 {

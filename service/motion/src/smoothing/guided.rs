@@ -5,18 +5,65 @@
 
 use feedwave_program::{Axis, Position};
 
+use super::Joining;
 use super::corner::{self, CornerSpeed, Rounding, Shape};
+use super::joint::Joint;
 use super::vector::{difference, norm, scaled};
 use crate::kinematics::FiveAxisCorners;
-use crate::tolerance::{LEAST_CORNER_CUT_MM, MAX_CORNER_TRIES, TANGENT_TOLERANCE_RAD, USED_SAMPLED_TOLERANCE};
+use crate::tolerance::{
+    LEAST_CORNER_COSINE, LEAST_CORNER_CUT_MM, MAX_CORNER_TRIES, MOST_UNEVEN_SHARE, TANGENT_TOLERANCE_RAD,
+    USED_SAMPLED_TOLERANCE,
+};
 use crate::{Curve, Element, FiveAxis, Machine};
 
-/// How the directions differ in which the axes go before and behind a corner: the length of the difference of unit vectors, that of the
-/// tool centre point's lines or, where it is larger, that of the machine's axes, each measured by its jerk. `None` where no curve may pass.
-pub(super) fn kink(before: &Element, after: &Element, machine: &Machine) -> Option<f64> {
-    let (Curve::FiveAxis(from), Curve::FiveAxis(to)) = (&before.curve, &after.curve) else { return None };
-    let may_be_passed = from.setup() == to.setup() && !is_tangent(before, after);
-    may_be_passed.then(|| tip_kink(before, after).max(axes_kink(before, after, machine)))
+/// What the corner between two blocks asks for, of which one at least is guided: it stays but between blocks of one setup.
+///
+/// The directions in which the axes go before and behind it differ by the length of the difference of unit vectors: of those of the tool
+/// centre point's lines or, where it is larger, of those of the machine's axes, each measured by its jerk.
+pub(super) fn joint(
+    [before, after]: [&Element; 2],
+    tolerance_mm: f64,
+    speed: CornerSpeed,
+    joining: Joining<'_>,
+) -> Joint {
+    let (Curve::FiveAxis(from), Curve::FiveAxis(to), Some(corners)) = (&before.curve, &after.curve, joining.corners)
+    else {
+        return Joint::Fixed;
+    };
+    let tip_kink = tip_kink(before, after);
+    let goes_on = tip_kink * tip_kink <= 2.0 * (1.0 - LEAST_CORNER_COSINE);
+    if from.setup() != to.setup() || before.end != after.start || !goes_on {
+        return Joint::Fixed;
+    }
+    let turn_rad_per_mm = corners.turn_rad_per_mm(before, after);
+    let kink = tip_kink.max(axes_kink(before, after, joining.machine));
+    let shape = shape([before, after], kink, speed);
+    let mut reach_mm = corner::reach_mm(tip_kink, tolerance_mm, speed);
+    let mut angle_rad = tip_kink;
+    if turn_rad_per_mm > 0.0 {
+        let tolerance_rad = corners.direction_tolerance_rad;
+        reach_mm = reach_mm.min(tolerance_rad / (0.5 * shape.deviation() * turn_rad_per_mm));
+        angle_rad = angle_rad.max(turn_rad_per_mm * (tolerance_mm / tolerance_rad));
+    }
+    let are_even = [before, after].iter().all(|element| turns_evenly(element, corners.direction_tolerance_rad));
+    let may_join = are_even && reach_mm >= LEAST_CORNER_CUT_MM;
+    Joint::corner(if may_join { reach_mm } else { 0.0 }, kink, angle_rad)
+}
+
+/// Whether the rotary axes turn about evenly along a block, or hardly: beside a pole they do not, and a curve that follows them there would
+/// have to bend within the block.
+fn turns_evenly(element: &Element, tolerance_rad: f64) -> bool {
+    let Curve::FiveAxis(five_axis) = &element.curve else { return true };
+    let [.., first, second] = *five_axis.axes();
+    [first, second].into_iter().all(|axis| {
+        let mut slopes = [0.0; 3];
+        element.fill_tangent(axis, &[0.0, 0.5 * element.length, element.length], &mut slopes);
+        let turns_rad = slopes.map(|slope| (slope * element.length).to_radians());
+        let most_rad = turns_rad.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let least_rad = turns_rad.into_iter().fold(f64::INFINITY, f64::min);
+        let turned_rad = (element.end[axis.index()] - element.start[axis.index()]).to_radians().abs();
+        most_rad - least_rad <= (MOST_UNEVEN_SHARE * turned_rad).max(tolerance_rad)
+    })
 }
 
 fn axes_kink(before: &Element, after: &Element, machine: &Machine) -> f64 {
@@ -60,8 +107,12 @@ pub(super) fn round(
 ) -> Option<([Element; 3], Rounding)> {
     let (Curve::FiveAxis(from), Curve::FiveAxis(to)) = (&before.curve, &after.curve) else { return None };
     let tips = [tip_line(before, from), tip_line(after, to)];
-    let most_cut_mm =
-        most_cut_mm.min(USED_SAMPLED_TOLERANCE * corners.longest_cut_mm(before, after, shape.deviation()));
+    if is_tangent(before, after) {
+        return None;
+    }
+    let turn_rad_per_mm = corners.turn_rad_per_mm(before, after);
+    let longest_cut_mm = corners.direction_tolerance_rad / (0.5 * shape.deviation() * turn_rad_per_mm);
+    let most_cut_mm = most_cut_mm.min(USED_SAMPLED_TOLERANCE * longest_cut_mm);
     let rounding = corner::line_rounding(&tips[0], &tips[1], tolerance_mm, most_cut_mm, |_| shape)?;
     let tolerance_rad = corners.direction_tolerance_rad;
     let mut cut_mm = rounding.cut_mm;
@@ -80,7 +131,8 @@ pub(super) fn round(
         let deviation_rad = corners.deviation_rad([before, after], place_mm, &turns);
         if deviation_rad <= tolerance_rad {
             let tip = rounding.curve(&tip_before, &tip_after);
-            let corner = corners.element(&short_before, &short_after, &tip, &turns)?;
+            let turns = core::array::from_fn(|k| [turns[0][k], turns[1][k], 0.0]);
+            let corner = corners.element(after, [short_before.end, short_after.start], &[tip], &[turns])?;
             return Some(([short_before, corner, short_after], rounding));
         }
         cut_mm *= (0.9 * tolerance_rad / deviation_rad).clamp(0.25, 0.9);

@@ -18,10 +18,12 @@ pub(super) enum Joint {
     Fixed,
     /// A curve may pass it.
     Corner {
-        /// What it would reach into both elements, mm.
+        /// What it would reach into both elements, mm; 0 where it is to be passed by itself.
         reach_mm: f64,
         /// Difference of the directions, 2·sin(θ/2).
         kink: f64,
+        /// Angle that a curve has to pass, rad: that of the path, or one that leaves it as little room as a turn of the tool does.
+        angle_rad: f64,
         /// Distance of corners like it on both sides from which on a stop in it takes less time than passing it, mm.
         stop_from_mm: f64,
         /// How it is passed, where that is decided.
@@ -44,7 +46,13 @@ impl Joint {
         }
         let curvature = corner::largest_curvature(before, after);
         reach_mm = reach_mm.min(CURVE_MOST_END_REACH * (tolerance_mm / curvature).sqrt());
-        Self::Corner { reach_mm: reach_mm.min(CURVE_MOST_END_MM), kink, stop_from_mm: f64::INFINITY, way: Way::Open }
+        Self::corner(reach_mm, kink, kink)
+    }
+
+    /// A corner that nothing is decided of, with its reach, mm, the difference of the directions and the angle that a curve has to pass.
+    pub(super) fn corner(reach_mm: f64, kink: f64, angle_rad: f64) -> Self {
+        let reach_mm = reach_mm.min(CURVE_MOST_END_MM);
+        Self::Corner { reach_mm, kink, angle_rad, stop_from_mm: f64::INFINITY, way: Way::Open }
     }
 
     /// Difference of the directions, where a curve may pass it.

@@ -10,7 +10,8 @@
 //! elements are too short, and at the ends of everything else.
 //!
 //! With [`Joining::many_blocks`], elements that are tangent but bend differently meet in a ramp of curvature, and where corners
-//! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]).
+//! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]), under tool centre point control
+//! also one of the rotary axes.
 //!
 //! A corner stays as well where stopping in it takes less time ([`ways`], [`stop`]), in plans of runs also between short blocks; the curve
 //! over many blocks ends there.
@@ -241,7 +242,7 @@ impl<T: Carried> PathSmoother<T> {
     /// Takes the next element and gives on what is settled by it.
     fn join(&mut self, next: Entry<T>, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         if let Some(before) = self.pending.back_mut() {
-            before.joint = before.joint_to(&next, joining.machine);
+            before.joint = before.joint_to(&next, joining);
         }
         self.pending.push_back(next);
         self.advance(false, joining, emit);
@@ -341,6 +342,11 @@ impl<T: Carried> Entry<T> {
             }
     }
 
+    /// Whether the tool centre point is guided.
+    fn is_guided(&self) -> bool {
+        matches!(self.element.curve, Curve::FiveAxis(_))
+    }
+
     /// Largest distance of points left out of a line, mm; `None` where it is not to be merged with the next.
     fn merge_tolerance_mm(&self) -> Option<f64> {
         match self.control {
@@ -364,7 +370,7 @@ impl<T: Carried> Entry<T> {
     }
 
     /// What the corner to the next element asks for.
-    fn joint_to(&self, next: &Self, machine: &Machine) -> Joint {
+    fn joint_to(&self, next: &Self, joining: Joining<'_>) -> Joint {
         let Some(tolerance_mm) = self.corner_tolerance_mm() else { return Joint::Fixed };
         let may_be_passed = next.is_smoothable() && self.element.work_offset == next.element.work_offset;
         let carried = self.carried.at_corner(&next.carried).filter(|_| may_be_passed);
@@ -375,9 +381,9 @@ impl<T: Carried> Entry<T> {
         if !is_enough {
             return Joint::Fixed;
         }
-        if matches!(self.element.curve, Curve::FiveAxis(_)) {
-            let corner = |kink| Joint::Corner { reach_mm: 0.0, kink, stop_from_mm: f64::INFINITY, way: Way::Open };
-            return guided::kink(&self.element, &next.element, machine).map_or(Joint::Fixed, corner);
+        let elements = [&self.element, &next.element];
+        if self.is_guided() || next.is_guided() {
+            return guided::joint(elements, left_mm, self.corner_speed, joining);
         }
         let mut joint = Joint::between(&self.element, &next.element, left_mm, self.corner_speed);
         if let Joint::Corner { stop_from_mm, reach_mm, .. } = &mut joint
@@ -385,8 +391,9 @@ impl<T: Carried> Entry<T> {
             && next.joins
             && self.corner_speed == CornerSpeed::Steady
         {
+            let machine = joining.machine;
             let command = carried.commanded_mm_per_s(&self.element, machine);
-            let from_mm = stop::better_from_mm([&self.element, &next.element], left_mm, command, machine);
+            let from_mm = stop::better_from_mm(elements, left_mm, command, machine);
             // Within its reach, they are smoothed out together.
             *stop_from_mm = from_mm.max(*reach_mm);
         }
@@ -443,9 +450,8 @@ impl<T: Carried> Entry<T> {
         joining: Joining<'_>,
     ) -> Option<([Element; 3], Rounding)> {
         let [before, after] = [&self.element, &next.element];
-        let guided = [before, after].map(|element| matches!(element.curve, Curve::FiveAxis(_)));
-        if guided != [false; 2] {
-            let corners = joining.corners.filter(|_| guided == [true; 2])?;
+        if self.is_guided() || next.is_guided() {
+            let corners = joining.corners?;
             let shape = guided::shape([before, after], self.joint.kink()?, self.corner_speed);
             return guided::round(&corners, [before, after], [tolerance_mm, most_cut_mm], shape);
         }

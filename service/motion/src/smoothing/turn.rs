@@ -22,7 +22,6 @@
 
 use feedwave_program::Position;
 
-use super::curve::place;
 use super::origin::{Deviation, Origin};
 use super::vector::{Vector, difference, linear, norm, scaled, sum};
 use super::ways::Way;
@@ -121,6 +120,13 @@ impl UTurn {
             [point(inner, inner, 11.0 / 12.0), point(far, far, 1.0), point(near, near, 1.0), point(ends, ends, 1.0)],
         ]
     }
+}
+
+/// A position with X, Y and Z of its own.
+fn place(beside: &Position, [x, y, z]: Vector) -> Position {
+    let mut position = *beside;
+    position[..3].copy_from_slice(&[x, y, z]);
+    position
 }
 
 /// What the axis of a line moves back in half of the time that the step takes from rest to rest, mm.

@@ -91,7 +91,7 @@ impl<T: Carried> PathSmoother<T> {
     /// Decides how the first corners are passed, of which the first is in no curve; whether more of the path has to be known for that.
     pub(super) fn waits_for_ways(&mut self, is_last: bool, joining: Joining<'_>) -> bool {
         let is_sharp = self.undecided(1, LEAST_ALONE_KINK).len() == 1;
-        let may_be_tried = self.pending.iter().take(2).all(Entry::may_be_tried);
+        let may_be_tried = self.pending.iter().take(2).all(Entry::is_joinable);
         if self.is_trial || !is_sharp || !may_be_tried || joining.corner_speed != CornerSpeed::Steady {
             return false;
         }
@@ -119,7 +119,7 @@ impl<T: Carried> PathSmoother<T> {
             Joint::Corner { kink, way, .. } => kink >= least_kink && way == Way::Open,
             Joint::Unknown | Joint::Fixed => false,
         };
-        let first = self.pending.iter().take(joints).take_while(|entry| entry.may_be_tried()).enumerate();
+        let first = self.pending.iter().take(joints).take_while(|entry| entry.is_joinable()).enumerate();
         first.filter(|(_, entry)| is_open(&entry.joint)).map(|(index, _)| index).collect()
     }
 
@@ -203,7 +203,7 @@ impl<T: Carried> PathSmoother<T> {
     /// What is held, at most so many elements, with these ways.
     fn trial(&self, open: Option<&Open>, corners: &[usize], ways: &[Way], elements: usize) -> Self {
         let passed = self.passed;
-        let pending = self.pending.iter().take(elements).take_while(|entry| entry.may_be_tried()).cloned().collect();
+        let pending = self.pending.iter().take(elements).take_while(|entry| entry.is_joinable()).cloned().collect();
         let mut trial = Self { pending, passed, is_trial: true, ..Self::default() };
         trial.set_ways(corners, ways);
         if let Some(open) = open {

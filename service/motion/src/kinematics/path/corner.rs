@@ -1,16 +1,16 @@
-//! The element that rounds a corner between two five-axis blocks: the tool centre point along a curve, and the rotary axes
-//! with the angles, velocities and accelerations of both blocks at its ends.
+//! Elements that leave the programmed path within tolerances: the tool centre point along a curve, and the rotary axes along another of
+//! the same parameter.
 //!
-//! The rotary axes are Bézier curves of the parameter of the tool centre point's curve, with their angles, and the velocities and
+//! At a corner between two blocks, the rotary axes are Bézier curves of the parameter of the tool centre point's curve, with their angles, and the velocities and
 //! accelerations of both blocks by its arc length at the ends: every machine axis passes both ends of the corner with a continuous
 //! second derivative, as the linear axes are smooth functions of both.
 
 use feedwave_program::Position;
 
 use super::fit::{RotaryPath, fit};
-use crate::kinematics::chain::Kinematics;
+use crate::kinematics::chain::{Kinematics, Setup};
 use crate::kinematics::tip::TipPath;
-use crate::kinematics::vector::angle;
+use crate::kinematics::vector::{Vec3, angle};
 use crate::{Curve, Element, Spline};
 
 /// Places in each half of a corner at which directions are compared.
@@ -35,15 +35,32 @@ impl FiveAxisCorners<'_> {
         self.kinematics.from_position(position).rotary_rad
     }
 
-    /// Length to cut from both blocks, mm, by which the tolerance is used up about; infinite where the direction goes straight on.
-    /// `deviation` is how far a curve is from its corner, as a share of the cut and half the difference of the directions.
-    pub(crate) fn longest_cut_mm(&self, before: &Element, after: &Element, deviation: f64) -> f64 {
+    /// By how much more or otherwise the direction turns behind a corner than before it, rad/mm.
+    pub(crate) fn turn_rad_per_mm(&self, before: &Element, after: &Element) -> f64 {
         let at_rad = self.rotary(&before.end);
         let slopes = [before.tangent(before.length), after.tangent(0.0)].map(|slope| self.rotary(&slope));
         let turned = [0, 1].map(|axis| at_rad[axis] + (slopes[1][axis] - slopes[0][axis]) * SLOPE_STEP_MM);
         let directions = self.kinematics.rotary_directions();
-        let kink_per_mm = angle(directions.at(at_rad), directions.at(turned)) / SLOPE_STEP_MM;
-        self.direction_tolerance_rad / (0.5 * deviation * kink_per_mm)
+        angle(directions.at(at_rad), directions.at(turned)) / SLOPE_STEP_MM
+    }
+
+    /// How the direction changes with either rotary axis, by the angle of the second one, rad; see
+    /// [`RotaryDirections::changes`](crate::kinematics::RotaryDirections).
+    pub(crate) fn turning(&self, second_rad: f64) -> [Vec3; 2] {
+        self.kinematics.rotary_directions().changes(second_rad)
+    }
+
+    /// Where the axes are with the tool centre point there (work coordinates, mm) and these rotary values, rad; axes beside the chain as
+    /// in `beside`.
+    pub(crate) fn position(
+        &self,
+        setup: &Setup,
+        tip_mm: Vec3,
+        rotary_rad: [f64; 2],
+        beside: &Position,
+    ) -> Option<Position> {
+        let point = self.kinematics.point_with(tip_mm, rotary_rad.map(f64::to_degrees), beside, setup).ok()?;
+        Some(point.position)
     }
 
     /// Both rotary axes, rad, with their first and second derivatives by arc length, at the end of one block, cut back already, and at
@@ -76,34 +93,28 @@ impl FiveAxisCorners<'_> {
         largest
     }
 
-    /// The element along a curve, by its control points, from the end of one block, cut back already, to the start of the other; `None`
-    /// where a rotary axis would leave its range, or the axes cannot follow.
-    pub(crate) fn element(
+    /// The element along a curve from one position to another in place of a programmed one or its start, by control points: of the tool
+    /// centre point, mm, and of both rotary axes, rad, with zeros. `None` where a rotary axis would leave its range, or the axes cannot
+    /// follow.
+    pub(crate) fn element<const POINTS: usize>(
         &self,
-        before: &Element,
-        after: &Element,
-        tip: &[[f64; 3]; 6],
-        turns: &Turns,
+        programmed: &Element,
+        [start, end]: [Position; 2],
+        tips: &[[Vec3; POINTS]],
+        turns: &[[Vec3; POINTS]],
     ) -> Option<Element> {
-        let Curve::FiveAxis(own) = &before.curve else { return None };
-        let turns = core::array::from_fn(|k| [turns[0][k], turns[1][k], 0.0]);
-        let [tip, turns] = Spline::with_others(tip, &turns)?;
+        let Curve::FiveAxis(own) = &programmed.curve else { return None };
+        let [tip, turns] = Spline::with_others(tips, turns)?;
         let length = tip.length_mm();
         let tip = TipPath::spline(tip);
-        let curve = fit(self.kinematics, own.setup(), &before.end, &RotaryPath::Along(&turns), tip, length).ok()?;
-        curve.check_start(&before.end).ok()?;
+        let curve = fit(self.kinematics, own.setup(), &start, &RotaryPath::Along(&turns), tip, length).ok()?;
+        curve.check_start(&start).ok()?;
         for (axis, range) in self.kinematics.ranges() {
             curve.check_range(axis, range).ok()?;
         }
-        Some(Element {
-            start: before.end,
-            end: after.start,
-            work_offset: Position::default(),
-            curve: Curve::FiveAxis(Box::new(curve)),
-            length,
-            source: after.source,
-            rapid: false,
-        })
+        let (work_offset, source) = (Position::default(), programmed.source);
+        let curve = Curve::FiveAxis(Box::new(curve));
+        Some(Element { start, end, work_offset, curve, length, source, rapid: false })
     }
 }
 

@@ -2,14 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::vector::{Vector, difference, scaled, sum};
+use super::super::vector::{difference, scaled, sum};
+use super::place::Point;
 
 /// Position and its first two derivatives by the arc length of the programmed path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
-    pub(super) point: Vector,
-    pub(super) first: Vector,
-    pub(super) second: Vector,
+    pub(super) point: Point,
+    pub(super) first: Point,
+    pub(super) second: Point,
     /// Whether the second derivative is a guess: nothing goes on there.
     pub(super) is_free: bool,
 }
@@ -21,16 +22,16 @@ pub(super) struct Span {
     pub(super) from: f64,
     pub(super) to: f64,
     /// Bézier control points.
-    pub(super) points: [Vector; 4],
+    pub(super) points: [Point; 4],
 }
 
-fn mix(a: Vector, b: Vector, share: f64) -> Vector {
+fn mix(a: Point, b: Point, share: f64) -> Point {
     sum(a, scaled(difference(b, a), share))
 }
 
 impl Span {
     /// The polar form at three arc lengths, as shares of the span.
-    fn polar(&self, [a, b, c]: [f64; 3]) -> Vector {
+    fn polar(&self, [a, b, c]: [f64; 3]) -> Point {
         let [p0, p1, p2, p3] = self.points;
         let [q0, q1, q2] = [mix(p0, p1, a), mix(p1, p2, a), mix(p2, p3, a)];
         mix(mix(q0, q1, b), mix(q1, q2, b), c)

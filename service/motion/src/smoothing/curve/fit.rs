@@ -11,15 +11,16 @@
 //! lowered around every place that is too far off until none is.
 //!
 //! Both integrals are sums over the samples and spans, the normal equations have three bands beside the diagonal, and one
-//! factorisation serves X, Y and Z.
+//! factorisation serves all coordinates: X, Y and Z, and under tool centre point control the rotary axes.
 
 #![allow(clippy::needless_range_loop, reason = "the indices of banded systems are sums and differences")]
 
 use core::ops::Range;
 
-use super::super::vector::{Vector, difference, norm, scaled, sum};
+use super::super::vector::{difference, scaled, sum};
 use super::bezier::{Span, State};
 use super::path::Sample;
+use super::place::Point;
 use crate::tolerance::{CURVE_ROUNDS, CURVE_SCALE_GRADE};
 
 /// Bands of the normal equations beside the diagonal.
@@ -30,11 +31,11 @@ const BANDS: usize = 3;
 pub(super) struct Fit {
     /// Each end four times.
     knots: Vec<f64>,
-    coefficients: Vec<Vector>,
+    coefficients: Vec<Point>,
     /// Third derivative on each span by its four coefficients, times the root of its length.
     thirds: Vec<[f64; 4]>,
     rows: Vec<[f64; BANDS + 1]>,
-    right: Vec<Vector>,
+    right: Vec<Point>,
     scales: Vec<f64>,
     /// The coefficients that are not fixed by an end.
     free: Range<usize>,
@@ -58,7 +59,7 @@ impl Fit {
         self.knots.extend_from_slice(knots);
         self.knots.extend([knots[span_count]; 3]);
         self.coefficients.clear();
-        self.coefficients.resize(span_count + 3, [0.0; 3]);
+        self.coefficients.resize(span_count + 3, Point::default());
         self.fix_ends(ends);
         self.measure_thirds(knots);
         self.scales.clear();
@@ -69,14 +70,15 @@ impl Fit {
             self.solve_once(samples);
             ratios.clear();
             for sample in samples {
-                let at =
-                    (0..4).fold([0.0; 3], |at, k| sum(at, scaled(self.coefficients[sample.span + k], sample.basis[k])));
-                ratios.push(norm(difference(at, sample.point)) / sample.tolerance_mm);
+                let at = (0..4).fold(Point::default(), |at, k| {
+                    sum(at, scaled(self.coefficients[sample.span + k], sample.basis[k]))
+                });
+                ratios.push(sample.ratio(at));
             }
             if ratios.iter().all(|&ratio| ratio <= 1.0) {
                 spans.clear();
                 for span in 0..span_count {
-                    let own: [Vector; 4] = core::array::from_fn(|k| self.coefficients[span + k]);
+                    let own: [Point; 4] = core::array::from_fn(|k| self.coefficients[span + k]);
                     let points = control_points(self.local_knots(span), &own);
                     spans.push(Span { from: knots[span], to: knots[span + 1], points });
                 }
@@ -104,7 +106,7 @@ impl Fit {
             let length = knots[span + 1] - knots[span];
             let scale = 6.0 / (length * length * length) * length.sqrt();
             self.thirds.push(core::array::from_fn(|unit| {
-                let mut own = [[0.0; 3]; 4];
+                let mut own = [[0.0]; 4];
                 own[unit][0] = 1.0;
                 let [b0, b1, b2, b3] = control_points(self.local_knots(span), &own).map(|point| point[0]);
                 scale * ((b3 - b0) - 3.0 * (b2 - b1))
@@ -157,7 +159,7 @@ impl Fit {
         self.rows.clear();
         self.rows.resize(count, [0.0; BANDS + 1]);
         self.right.clear();
-        self.right.resize(count, [0.0; 3]);
+        self.right.resize(count, Point::default());
         let mut equations = Equations {
             rows: &mut self.rows,
             right: &mut self.right,
@@ -165,7 +167,7 @@ impl Fit {
             free: self.free.clone(),
         };
         for (span, row) in self.thirds.iter().enumerate() {
-            equations.add(span, row, 1.0, [0.0; 3]);
+            equations.add(span, row, 1.0, Point::default());
         }
         for (sample, &scale) in samples.iter().zip(&self.scales) {
             let cube = scale * scale * scale;
@@ -198,14 +200,14 @@ impl Fit {
 /// The normal equations under construction.
 struct Equations<'a> {
     rows: &'a mut [[f64; BANDS + 1]],
-    right: &'a mut [Vector],
-    coefficients: &'a [Vector],
+    right: &'a mut [Point],
+    coefficients: &'a [Point],
     free: Range<usize>,
 }
 
 impl Equations<'_> {
     /// Adds weight·(row·c − target)² of the four coefficients c of a span.
-    fn add(&mut self, span: usize, row: &[f64; 4], weight: f64, target: Vector) {
+    fn add(&mut self, span: usize, row: &[f64; 4], weight: f64, target: Point) {
         let mut rest = target;
         let mut first = 4;
         let mut behind = 0;
@@ -230,7 +232,7 @@ impl Equations<'_> {
 }
 
 /// Bézier control points of a span between knots 2 and 3 of the six that its coefficients depend on.
-fn control_points(knots: &[f64], own: &[Vector; 4]) -> [Vector; 4] {
+fn control_points<const N: usize>(knots: &[f64], own: &[[f64; N]; 4]) -> [[f64; N]; 4] {
     let (from, to) = (knots[2], knots[3]);
     [[from; 3], [from, from, to], [from, to, to], [to; 3]].map(|arguments| {
         let mut points = *own;

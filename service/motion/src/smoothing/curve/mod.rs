@@ -2,7 +2,8 @@
 //!
 //! Where the corners of a path lie so close together that each leaves no room for the next, they are not rounded one by
 //! one: the elements between two places that lie on long elements become one curve, a smoothing spline (see [`fit`])
-//! with the position, direction and curvature of the programmed path at both ends. Its parts are given on block by block.
+//! with the position, direction and curvature of the programmed path at both ends. Its parts are given on block by block. Under tool centre
+//! point control the rotary axes are further coordinates of it, and the linear axes follow.
 //!
 //! The curve is made in windows of at most [`CURVE_KNOTS`] knots and [`CURVE_BLOCKS`] blocks. A window ends on the path in the
 //! middle of its last element; what lies in its first part is settled, and the next window goes on from there with the same
@@ -11,25 +12,26 @@
 
 mod bezier;
 mod fit;
+mod parts;
 mod path;
+mod place;
 
-use feedwave_program::Position;
 use serde::{Deserialize, Serialize};
 
 use self::bezier::{Span, State};
 use self::fit::Fit;
+use self::parts::Settled;
 use self::path::Path;
+use self::place::exact;
 use super::joint::Joint;
-use super::origin::{Deviation, Origin, turn_evenly};
-use super::vector::{Vector, linear};
+use super::origin::Origin;
 use super::ways::Way;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
-use crate::limits::travel_exceeded;
+use crate::Curve;
 use crate::tolerance::{
     ALONE_SHARE, CORNER_SHARE, CURVE_BLOCKS, CURVE_KNOTS, CURVE_LINK_SHARE, CURVE_MOST_END_MM, CURVE_RAMP_LINK_SHARE,
     CURVE_SETTLED_SHARE, LEAST_CURVE_TOLERANCE_MM, LIKE_SHARE, TANGENT_TOLERANCE_RAD,
 };
-use crate::{Curve, Element, Machine, Spline};
 
 /// A curve in progress: its first element is the first that is held.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,34 +77,15 @@ impl Window {
     }
 }
 
-/// What a fit settles.
-struct Settled<T> {
-    parts: Vec<Smoothed<T>>,
-    /// Elements that are done.
-    done: usize,
-    /// Where the next one goes on, mm from its start.
-    offset_mm: f64,
-}
-
-/// The programmed path at a place.
-fn exact(element: &Element, s: f64) -> State {
-    State {
-        point: linear(&element.position(s)),
-        first: linear(&element.tangent(s)),
-        second: linear(&element.second_derivative(s)),
-        is_free: false,
-    }
-}
-
 impl<T: Carried> Entry<T> {
     /// Whether it can be part of a curve over many blocks.
     pub(super) fn is_joinable(&self) -> bool {
-        self.joins && matches!(self.element.curve, Curve::Line | Curve::Arc(_))
-    }
-
-    /// Whether ways to pass its corners may be tried.
-    pub(super) fn may_be_tried(&self) -> bool {
-        self.is_joinable() || self.joins && matches!(self.element.curve, Curve::FiveAxis(_)) && self.is_smoothable()
+        let is_own_kind = match self.element.curve {
+            Curve::Line | Curve::Arc(_) => true,
+            Curve::FiveAxis(_) => self.is_smoothable(),
+            Curve::Spline(_) => false,
+        };
+        self.joins && is_own_kind
     }
 
     /// Largest part of the reaches of the corners before and behind `next` that it may be long to be part of one curve over both.
@@ -132,7 +115,8 @@ impl<T: Carried> PathSmoother<T> {
     /// Whether the curve over the corner before an element goes on over the corner behind it; `None` until that is known.
     pub(super) fn goes_on_over(&self, index: usize, is_last: bool) -> Option<bool> {
         let (before, entry) = (&self.pending[index - 1], &self.pending[index]);
-        let (true, Some(reach_mm)) = (before.is_joinable() && entry.is_joinable(), before.reach_mm()) else {
+        let reach_mm = before.reach_mm().filter(|&reach_mm| reach_mm > 0.0);
+        let (true, Some(reach_mm)) = (before.is_joinable() && entry.is_joinable(), reach_mm) else {
             return Some(false);
         };
         let is_wide = before.corner_tolerance_mm().is_some_and(|tolerance_mm| tolerance_mm >= LEAST_CURVE_TOLERANCE_MM);
@@ -144,7 +128,7 @@ impl<T: Carried> PathSmoother<T> {
         }
         match (self.pending.get(index + 1), entry.reach_mm()) {
             (None, _) => is_last.then_some(false),
-            (Some(next), Some(next_reach_mm)) if next.is_joinable() => {
+            (Some(next), Some(next_reach_mm)) if next.is_joinable() && next_reach_mm > 0.0 => {
                 let is_near = entry.full_length_mm < before.link_share(entry) * (reach_mm + next_reach_mm);
                 if is_near { self.stops_behind(index, is_last).map(|stops| !stops) } else { Some(false) }
             }
@@ -159,7 +143,7 @@ impl<T: Carried> PathSmoother<T> {
     /// over many, it is judged by their lengths when it is rounded.
     pub(super) fn stops_behind(&self, index: usize, is_last: bool) -> Option<bool> {
         let before = &self.pending[index];
-        let Joint::Corner { reach_mm, kink, stop_from_mm, way } = before.joint else { return Some(false) };
+        let Joint::Corner { reach_mm, kink, stop_from_mm, way, .. } = before.joint else { return Some(false) };
         if way != Way::Open {
             return Some(way == Way::Stop);
         }
@@ -261,7 +245,7 @@ impl<T: Carried> PathSmoother<T> {
             self.open = Some(open);
             return false;
         }
-        let path = self.path(open.last);
+        let path = self.path(open.last, joining);
         let knots = path.knots(path.length(), CURVE_KNOTS, 1.0);
         let is_full = knots.len() >= CURVE_KNOTS || self.pending.len() >= CURVE_BLOCKS;
         if !ends && !is_full {
@@ -281,10 +265,10 @@ impl<T: Carried> PathSmoother<T> {
                 return false;
             }
         }
-        let path = self.path(open.last);
+        let path = self.path(open.last, joining);
         let window = self.window(&path, open.last, &knots, ends);
-        let found = self.fit(&path, &open, window, joining.machine);
-        match found.or_else(|| self.rest_of_before(&path, &open, joining.machine)) {
+        let found = self.fit(&path, &open, window, joining);
+        match found.or_else(|| self.rest_of_before(&path, &open, joining)) {
             Some((settled, rest)) => self.go_on(open, settled, rest, window.is_whole, emit),
             None => self.round_front(joining, emit),
         }
@@ -316,7 +300,13 @@ impl<T: Carried> PathSmoother<T> {
     }
 
     /// What a fit of the window settles, and the rest of it; `None` where none keeps the tolerance.
-    fn fit(&self, path: &Path<'_>, open: &Open, window: Window, machine: &Machine) -> Option<(Settled<T>, Vec<Span>)> {
+    fn fit(
+        &self,
+        path: &Path<'_>,
+        open: &Open,
+        window: Window,
+        joining: Joining<'_>,
+    ) -> Option<(Settled<T>, Vec<Span>)> {
         let Window { leg, offset_mm, is_whole } = window;
         let programmed = &self.pending[leg].element;
         let goal = State { is_free: offset_mm >= programmed.length, ..exact(programmed, offset_mm) };
@@ -332,7 +322,7 @@ impl<T: Carried> PathSmoother<T> {
                 continue;
             }
             let upto = if is_whole { window.ending() } else { Self::settled_end(path, &spans, leg.min(open.last)) };
-            if let Some(settled) = self.settle(path, &spans, open.start.point, upto, machine) {
+            if let Some(settled) = self.settle(path, &spans, open, upto, joining) {
                 let rest = match upto {
                     Ending::Within(upto) => rest_of(&spans, upto),
                     Ending::OnPath { .. } => Vec::new(),
@@ -344,9 +334,9 @@ impl<T: Carried> PathSmoother<T> {
     }
 
     /// What the window before has fitted, which keeps the tolerance and ends on the path.
-    fn rest_of_before(&self, path: &Path<'_>, open: &Open, machine: &Machine) -> Option<(Settled<T>, Vec<Span>)> {
+    fn rest_of_before(&self, path: &Path<'_>, open: &Open, joining: Joining<'_>) -> Option<(Settled<T>, Vec<Span>)> {
         let ending = path.on_path(open.rest.last()?.to);
-        let settled = self.settle(path, &open.rest, open.start.point, ending, machine)?;
+        let settled = self.settle(path, &open.rest, open, ending, joining)?;
         Some((settled, Vec::new()))
     }
 
@@ -383,17 +373,17 @@ impl<T: Carried> PathSmoother<T> {
     }
 
     /// The path of the elements up to and with `last`.
-    fn path(&self, last: usize) -> Path<'_> {
+    fn path<'a>(&'a self, last: usize, joining: Joining<'a>) -> Path<'a> {
         let entries = self.pending.iter().take(last + 1);
         let merged_mm = entries.clone().map(|entry| entry.merged.largest_mm).fold(0.0, f64::max);
         let tolerance_mm = self.pending.front().and_then(Entry::corner_tolerance_mm).unwrap_or(0.0);
-        let mut path = Path::new(tolerance_mm - merged_mm);
+        let mut path = Path::new(tolerance_mm - merged_mm, joining.corners);
         for (index, entry) in entries.enumerate() {
-            let kink = match entry.joint {
-                Joint::Corner { kink, .. } if index < last => kink,
+            let angle_rad = match entry.joint {
+                Joint::Corner { angle_rad, .. } if index < last => angle_rad,
                 _ => 0.0,
             };
-            path.push(&entry.element, kink);
+            path.push(&entry.element, angle_rad);
         }
         path
     }
@@ -429,85 +419,6 @@ impl<T: Carried> PathSmoother<T> {
         let [from, _] = path.range(leg);
         Ending::Within(if from > 0.5 * most { from } else { most })
     }
-
-    /// What a part of a curve over an element carries out.
-    fn origin_in_curve(&self, index: usize) -> Origin {
-        let around = |first: usize| {
-            let [first, second, third] = [first, first + 1, first + 2].map(|index| self.pending.get(index));
-            Some(turn_evenly([first?, second?, third?]))
-        };
-        let before = index.checked_sub(2).and_then(around);
-        Origin::Blocks { like_chords: around(index).or(before).unwrap_or(false) }
-    }
-
-    /// The parts of a curve up to its ending, block by block; `None` where one of them is no curve or leaves the travel.
-    fn settle(
-        &self,
-        path: &Path<'_>,
-        spans: &[Span],
-        start: Vector,
-        ending: Ending,
-        machine: &Machine,
-    ) -> Option<Settled<T>> {
-        let mut parts = Vec::new();
-        let mut at = place(&self.pending.front()?.element.start, start);
-        let mut beziers: Vec<[Vector; 4]> = Vec::new();
-        let mut span = 0;
-        for (index, entry) in self.pending.iter().enumerate() {
-            let [from, leg_end] = path.range(index);
-            let programmed = &entry.element;
-            // Where the curve ends within this element, from its start; beyond its length where it goes on.
-            let (to, offset_mm, is_last) = match ending {
-                Ending::Within(upto) => (leg_end.min(upto), upto - from, upto <= leg_end),
-                Ending::OnPath { leg, offset_mm } if leg == index => ((from + offset_mm).min(leg_end), offset_mm, true),
-                Ending::OnPath { .. } => (leg_end, f64::INFINITY, false),
-            };
-            let is_done = match ending {
-                Ending::Within(upto) => upto >= leg_end,
-                Ending::OnPath { .. } => offset_mm >= programmed.length,
-            };
-            beziers.clear();
-            while span < spans.len() && spans[span].to <= from {
-                span += 1;
-            }
-            for own in spans[span..].iter().take_while(|own| own.from < to) {
-                beziers.push(own.part(own.from.max(from), own.to.min(to)).points);
-            }
-            let end = match ending {
-                Ending::OnPath { .. } if is_last && is_done => programmed.end,
-                Ending::OnPath { .. } if is_last => programmed.position(offset_mm),
-                _ => place(&programmed.end, beziers.last()?[3]),
-            };
-            let count = beziers.len();
-            beziers.first_mut()?[0] = linear(&at);
-            beziers[count - 1][3] = linear(&end);
-            let spline = Spline::from_cubic_spans(&beziers)?;
-            let element = Element::from_spline(at, end, spline, programmed.work_offset, programmed.source, false)?;
-            if travel_exceeded(&element, machine).is_some() {
-                return None;
-            }
-            let rest_at_end = is_done && entry.rests_at_end();
-            let blocks = if is_done { entry.blocks } else { 0 };
-            let (largest_mm, share) = path.deviation(spans, index, [from, to]);
-            let deviation =
-                Deviation { largest_mm: largest_mm + entry.merged.largest_mm, at_mm: share * element.length };
-            let (origin, carried) = (self.origin_in_curve(index), entry.carried.clone());
-            parts.push(Smoothed { element, carried, blocks, rest_at_end, origin, deviation });
-            at = end;
-            if is_last {
-                let (done, offset_mm) = if is_done { (index + 1, 0.0) } else { (index, offset_mm) };
-                return Some(Settled { parts, done, offset_mm });
-            }
-        }
-        None
-    }
-}
-
-/// A position with X, Y and Z of its own.
-pub(super) fn place(beside: &Position, [x, y, z]: Vector) -> Position {
-    let mut position = *beside;
-    position[..3].copy_from_slice(&[x, y, z]);
-    position
 }
 
 /// The spans behind a place, from which arc lengths are counted then.

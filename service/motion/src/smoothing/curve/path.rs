@@ -5,12 +5,13 @@
 //! reach of a curve that passes it; farther away the distance to the corner; on a circle √(2·P·R). The scales of the fit
 //! and the distances of its knots are shares of ℓ.
 
-use feedwave_program::Axis;
-
-use super::super::vector::{Vector, difference, linear, norm, scaled, sum};
+use super::super::vector::{difference, norm, scaled, sum};
 use super::Ending;
 use super::bezier::Span;
 use super::fit::basis;
+use super::place::{self, Point, tip, turns};
+use crate::kinematics::FiveAxisCorners;
+use crate::kinematics::vector::Vec3;
 use crate::tolerance::{
     CURVE_ARC_STEP_RAD, CURVE_FIRST_SHARE, CURVE_KNOT_SHARE, CURVE_LAST_SHARE, CURVE_LEAST_SPANS, CURVE_MOST_REACH_MM,
     CURVE_SCALE_SHARE, CURVE_SNAP_SHARE, CURVE_TURNS_SEEN, UNUSED_TOLERANCE_MM,
@@ -25,17 +26,39 @@ const DEVIATION_PARTS: usize = 4;
 pub(super) struct Sample {
     /// Arc length from the start of the window, mm.
     pub(super) s: f64,
-    pub(super) point: Vector,
+    pub(super) point: Point,
     /// Span of the curve that ends here or goes on beyond.
     pub(super) span: usize,
     /// Values of the four basis functions of that span here.
     pub(super) basis: [f64; 4],
     /// Length of the path that it stands for, mm.
     pub(super) weight_mm: f64,
+    /// Part of the tolerances that the curve may use.
+    share: f64,
     /// Largest distance of the curve, mm.
-    pub(super) tolerance_mm: f64,
+    tolerance_mm: f64,
+    /// Change of the tool's direction with either rotary axis, by the largest one of it.
+    turning: [Vec3; 2],
     /// First scale of the fit, mm.
     pub(super) scale: f64,
+}
+
+impl Sample {
+    /// Deviation of a point of the curve, by what it may be.
+    pub(super) fn ratio(&self, at: Point) -> f64 {
+        let off = difference(at, self.point);
+        larger(norm(tip(off)) / self.tolerance_mm, turned(self.turning, turns(off)))
+    }
+}
+
+/// Turn of the tool's direction by a turn of the rotary axes.
+fn turned([first, second]: [Vec3; 2], [by_first, by_second]: [f64; 2]) -> f64 {
+    norm(sum(scaled(first, by_first), scaled(second, by_second)))
+}
+
+/// The larger of two numbers; unlike `max`, it does not pass over what is no number.
+fn larger(a: f64, b: f64) -> f64 {
+    if a <= b || b.is_nan() { b } else { a }
 }
 
 /// An element of the window.
@@ -58,15 +81,27 @@ pub(super) struct Path<'a> {
     legs: Vec<Leg<'a>>,
     turns: Vec<Turn>,
     tolerance_mm: f64,
+    /// Under tool centre point control.
+    corners: Option<FiveAxisCorners<'a>>,
+}
+
+/// Upper bounds of how far a part of a span is from the programmed path.
+struct PartDeviation {
+    largest_mm: f64,
+    /// Number of the control point of the difference that is farthest.
+    farthest: usize,
+    /// Angle between the directions of the tool by the largest one that is permitted.
+    turned: f64,
 }
 
 impl<'a> Path<'a> {
-    pub(super) fn new(tolerance_mm: f64) -> Self {
-        Self { legs: Vec::new(), turns: Vec::new(), tolerance_mm: tolerance_mm - UNUSED_TOLERANCE_MM }
+    pub(super) fn new(tolerance_mm: f64, corners: Option<FiveAxisCorners<'a>>) -> Self {
+        let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
+        Self { legs: Vec::new(), turns: Vec::new(), tolerance_mm, corners }
     }
 
     /// Adds an element and the turn behind it.
-    pub(super) fn push(&mut self, element: &'a Element, kink: f64) {
+    pub(super) fn push(&mut self, element: &'a Element, angle_rad: f64) {
         let from = self.length();
         let to = from + element.length;
         if let Curve::Arc(arc) = &element.curve {
@@ -79,8 +114,8 @@ impl<'a> Path<'a> {
             }
         }
         self.legs.push(Leg { element, from, to });
-        if kink > 0.0 {
-            self.turns.push(Turn { s: to, angle_rad: kink });
+        if angle_rad > 0.0 {
+            self.turns.push(Turn { s: to, angle_rad });
         }
     }
 
@@ -198,17 +233,21 @@ impl<'a> Path<'a> {
         Ending::OnPath { leg, offset_mm: s - self.legs[leg].from }
     }
 
-    fn point(&self, leg: usize, s: f64) -> Vector {
+    fn point(&self, leg: usize, s: f64) -> Point {
         let Leg { element, from, to } = &self.legs[leg];
         if matches!(element.curve, Curve::Line) {
-            let [start, end] = [linear(&element.start), linear(&element.end)];
+            let [start, end] = [place::point(element, 0.0), place::point(element, element.length)];
             let share = (s - from) / (to - from);
             return if s >= *to { end } else { sum(start, scaled(difference(end, start), share)) };
         }
-        [Axis::X, Axis::Y, Axis::Z].map(|axis| {
-            let mut at = [0.0];
-            element.fill_axis(axis, &[s - from], &mut at);
-            at[0]
+        place::point(element, s - from)
+    }
+
+    /// Change of the tool's direction with either rotary axis at a place, by the largest one that is permitted.
+    fn turning(&self, point: Point) -> [Vec3; 2] {
+        let [_, second_rad] = turns(point);
+        self.corners.map_or_else(Default::default, |corners| {
+            corners.turning(second_rad).map(|turning| scaled(turning, 1.0 / corners.direction_tolerance_rad))
         })
     }
 
@@ -235,16 +274,18 @@ impl<'a> Path<'a> {
                 while part <= parts {
                     let s = if part < parts { start + step * part } else { stop };
                     let share = (s - from) / (to - from);
-                    let local =
-                        self.tolerance_mm * (CURVE_FIRST_SHARE + (CURVE_LAST_SHARE - CURVE_FIRST_SHARE) * (s / end));
+                    let usable = CURVE_FIRST_SHARE + (CURVE_LAST_SHARE - CURVE_FIRST_SHARE) * (s / end);
                     if s < end {
+                        let point = self.point(leg, s);
                         samples.push(Sample {
                             s,
-                            point: self.point(leg, s),
+                            point,
                             span,
                             basis: basis(knot, s),
                             weight_mm: s - last,
-                            tolerance_mm: local,
+                            share: usable,
+                            tolerance_mm: self.tolerance_mm * usable,
+                            turning: self.turning(point).map(|turning| scaled(turning, 1.0 / usable)),
                             scale: CURVE_SCALE_SHARE * (reach + (next_reach - reach) * share),
                         });
                     }
@@ -276,32 +317,59 @@ impl<'a> Path<'a> {
             };
             for part in 0..DEVIATION_PARTS {
                 let [start, end] = [place(part), place(part + 1)];
-                let (bound_mm, farthest) = self.part_deviation(span, leg, [start, end]);
-                if bound_mm > largest.0 {
+                let PartDeviation { largest_mm, farthest, .. } = self.part_deviation(span, leg, [start, end]);
+                if largest_mm > largest.0 {
                     let s = start + farthest as f64 / 3.0 * (end - start);
-                    largest = (bound_mm, (s - from) / (to - from));
+                    largest = (largest_mm, (s - from) / (to - from));
                 }
             }
         }
         largest
     }
 
-    /// Upper bound of the distance of a part of a span from an element, mm: curve and path are compared at the same place, as
-    /// polynomials, whose difference stays within the hull of its control points. And the number of the farthest of these. An arc is
-    /// the cubic with its ends and directions, to r·φ⁴/384.
-    fn part_deviation(&self, span: &Span, leg: usize, [from, to]: [f64; 2]) -> (f64, usize) {
+    /// Upper bounds of the distance of a part of a span from an element: curve and path are compared at the same place, as polynomials,
+    /// whose difference stays within the hull of its control points. An arc is the cubic with its ends and directions, to r·φ⁴/384.
+    fn part_deviation(&self, span: &Span, leg: usize, [from, to]: [f64; 2]) -> PartDeviation {
         let curve = span.part(from, to).points;
         let (path, error_mm) = self.control_points(leg, from, to);
         let mut largest = (0.0, 0);
         for number in 0..4 {
             // Not `max`, which would pass over what is no number.
-            let own = norm(difference(curve[number], path[number]));
+            let own = norm(difference(tip(curve[number]), tip(path[number])));
             let is_less = own <= largest.0;
             if !is_less {
                 largest = (own, number);
             }
         }
-        (largest.0 + error_mm, largest.1)
+        let is_turning = matches!(self.legs[leg].element.curve, Curve::FiveAxis(_));
+        let turned = if is_turning { self.part_turned(&curve, &path, leg, [from, to]) } else { 0.0 };
+        PartDeviation { largest_mm: largest.0 + error_mm, farthest: largest.1, turned }
+    }
+
+    /// Upper bound of the angle between the directions along a part of a span and an element, by the largest one that is permitted.
+    ///
+    /// Straight from one pair of rotary values to the other, the direction goes at most so far as the difference is long, measured by how
+    /// the direction changes with them. That depends on the second axis alone; how it does is the rest of the bound.
+    fn part_turned(&self, curve: &[Point; 4], path: &[Point; 4], leg: usize, [from, to]: [f64; 2]) -> f64 {
+        let Leg { element, from: leg_from, .. } = &self.legs[leg];
+        let middle = turns(place::point(element, 0.5 * (from + to) - leg_from));
+        let turning = self.turning([0.0, 0.0, 0.0, middle[0], middle[1]]);
+        // Where the rotary axes do not turn as a cubic, that with their ends and velocities is farthest off in the middle.
+        let [a, b, c, d] = path.map(turns);
+        let error_rad = [0, 1].map(|axis| {
+            let cubic = 0.125 * (a[axis] + d[axis]) + 0.375 * (b[axis] + c[axis]);
+            2.0 * (cubic - middle[axis]).abs()
+        });
+        let spread_rad =
+            curve.iter().chain(path).fold(0.0, |spread, &point| larger(spread, (turns(point)[1] - middle[1]).abs()));
+        let [first, second] = turning.map(norm);
+        let mut largest = 0.0;
+        for (&curve, &path) in curve.iter().zip(path) {
+            let by = turns(difference(curve, path));
+            let beside = second * spread_rad * (by[0].abs() + by[1].abs());
+            largest = larger(largest, turned(turning, by) + beside);
+        }
+        largest + error_rad[0] * (first + second * spread_rad) + error_rad[1] * second
     }
 
     /// Upper bounds of the deviation of the curve between the samples, as ratios to the tolerance at either end.
@@ -311,27 +379,28 @@ impl<'a> Path<'a> {
         for k in 0..=samples.len() {
             let (to, span) = samples.get(k).map_or((end, spans.len() - 1), |sample| (sample.s, sample.span));
             let leg = self.leg_at(0.5 * (last + to));
-            let (bound_mm, _) = self.part_deviation(&spans[span], leg, [last, to]);
+            let PartDeviation { largest_mm, turned, .. } = self.part_deviation(&spans[span], leg, [last, to]);
             for place in k.saturating_sub(1)..=k.min(samples.len().saturating_sub(1)) {
-                let ratio = &mut ratios[place];
-                // Not `max`, which would pass over what is no number.
-                let own = bound_mm / samples[place].tolerance_mm;
-                *ratio = if own <= *ratio { *ratio } else { own };
+                let own = larger(largest_mm / samples[place].tolerance_mm, turned / samples[place].share);
+                ratios[place] = larger(ratios[place], own);
             }
             last = to;
         }
     }
 
-    /// Cubic Bézier control points of the path between two places of one element, and how far off they are, mm.
-    fn control_points(&self, leg: usize, from: f64, to: f64) -> ([Vector; 4], f64) {
+    /// Cubic Bézier control points of the path between two places of one element, and how far off X, Y and Z of them are, mm.
+    fn control_points(&self, leg: usize, from: f64, to: f64) -> ([Point; 4], f64) {
         let [start, end] = [self.point(leg, from), self.point(leg, to)];
         let Leg { element, from: leg_from, .. } = &self.legs[leg];
-        let Curve::Arc(arc) = &element.curve else {
+        if matches!(element.curve, Curve::Line) {
             let third = scaled(difference(end, start), 1.0 / 3.0);
             return ([start, sum(start, third), difference(end, third), end], 0.0);
-        };
+        }
         let third = (to - from) / 3.0;
-        let [first, last] = [from, to].map(|s| scaled(linear(&element.tangent(s - leg_from)), third));
+        let [first, last] = [from, to].map(|s| scaled(place::slope(element, s - leg_from), third));
+        let Curve::Arc(arc) = &element.curve else {
+            return ([start, sum(start, first), difference(end, last), end], 0.0);
+        };
         let angle_rad = arc.sweep_rad * ((to - from) / element.length);
         let square = angle_rad * angle_rad;
         // Where the radius changes, its derivative counts beside it.
