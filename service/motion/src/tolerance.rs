@@ -144,7 +144,8 @@ pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
 /// a plan is to be no slower than one that stops in every corner.
 pub(crate) const CORNER_STOP_GAIN: f64 = 1.001;
 
-/// The same in a curve most of whose blocks meet without a sharp corner: how fast it goes on behind what is held is less certain there.
+/// The same in a curve of three axes most of whose blocks meet without a sharp corner: how fast it goes on behind what is held is less
+/// certain there.
 pub(crate) const FEW_STOPS_GAIN: f64 = 1.03;
 
 /// Most blocks of one window of a curve, times its sharp corners, for which each of these is tried in every way.
@@ -207,7 +208,7 @@ pub(crate) const EVEN_TURN_SHARE: f64 = 0.3;
 
 /// Largest difference of the velocities, by the path, with which a rotary axis turns along a block, as a share of their mean, for the block
 /// to be part of a curve over many.
-pub(crate) const MOST_UNEVEN_SHARE: f64 = 0.5;
+pub(crate) const MOST_UNEVEN_SHARE: f64 = 0.2;
 
 /// Most tries for the cut between curves.
 pub(crate) const MAX_CORNER_TRIES: usize = 12;

@@ -74,7 +74,8 @@ fn axes_kink(before: &Element, after: &Element, machine: &Machine) -> f64 {
     differences.map(|difference| difference * difference).sum::<f64>().sqrt()
 }
 
-fn tip_kink(before: &Element, after: &Element) -> f64 {
+/// The same of the tool centre point alone.
+pub(super) fn tip_kink(before: &Element, after: &Element) -> f64 {
     let [from, to] = [before, after].map(|element| match &element.curve {
         Curve::FiveAxis(five_axis) => {
             let [start, end] = *five_axis.tip().ends();

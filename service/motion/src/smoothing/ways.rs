@@ -6,8 +6,9 @@
 //! the quickest is taken.
 //!
 //! Plans for the least time hardly ever stop between corners that near. They try curves over few blocks, and those most of whose corners
-//! are sharp, against the corners each by itself and as U-turns ([`turn`](super::turn)). In plans of runs the corners behind those that
-//! are decided are passed in the same way in the trial: on a path of many like corners each of them is judged among like ones.
+//! are sharp, against the corners each by itself and as U-turns ([`turn`](super::turn)); under tool centre point control all curves with
+//! sharp corners. In plans of runs the corners behind those that are decided are passed in the same way in the trial: on a path of many
+//! like corners each of them is judged among like ones.
 //!
 //! The interpolation period of trials is always the same, so that the path does not depend on that of the job.
 
@@ -16,11 +17,12 @@ use std::collections::vec_deque;
 use serde::{Deserialize, Serialize};
 
 use super::curve::Open;
+use super::guided;
 use super::joint::Joint;
 use super::turn::TURN_SEEN;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::tolerance::{
-    CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS,
+    CORNER_SHARE, CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS,
     MOST_TRIED_IN_LEAST_TIME, MOST_TRIED_TOGETHER, TRAIL, TRIED_PERIOD_S, WAYS_SEEN,
 };
 use crate::{
@@ -61,16 +63,18 @@ impl<T: Carried> PathSmoother<T> {
     /// Decides how the sharp corners of a curve are passed that has been begun, as soon as enough is known of the path behind it: whether
     /// another way than in that curve is quicker for one of them.
     pub(super) fn choose_ways(&mut self, open: &Open, is_last: bool, joining: Joining<'_>) -> Option<bool> {
-        let count = self.undecided(open.last, LEAST_STOP_KINK).len();
-        if self.is_trial || count == 0 {
+        let steady = joining.corner_speed == CornerSpeed::Steady;
+        let is_guided = self.is_guided();
+        let sharp = self.undecided(open.last, LEAST_STOP_KINK).len();
+        if self.is_trial || sharp == 0 {
             return Some(false);
         }
-        let (usual, steady) = (Way::Joined, joining.corner_speed == CornerSpeed::Steady);
-        let (seen, trials) = if steady {
-            let others = &[Way::Stop, Way::Alone];
+        let usual = Way::Joined;
+        let (seen, trials) = if steady || is_guided {
+            let others: &'static [Way] = if steady { &[Way::Stop, Way::Alone] } else { &[Way::Alone] };
             (open.last + WAYS_SEEN, Trials { usual, others, elements: usize::MAX, trail: TRAIL, are_mixed: true })
         } else {
-            let are_few = open.last > MOST_TRIED_IN_LEAST_TIME && 2 * count < open.last;
+            let are_few = open.last > MOST_TRIED_IN_LEAST_TIME && 2 * sharp < open.last;
             if are_few || !open.is_at_its_start() {
                 return Some(false);
             }
@@ -81,11 +85,27 @@ impl<T: Carried> PathSmoother<T> {
         if self.pending.len() < seen && !is_last {
             return None;
         }
-        let corners = self.undecided(seen, LEAST_STOP_KINK);
-        let mut ways = self.quickest(Some(open), &corners, count, &trials, joining);
-        ways.truncate(count.min(corners.len()));
-        self.set_ways(&corners, &ways);
-        Some(ways.iter().any(|&way| way != Way::Joined))
+        let all = self.undecided(seen, LEAST_STOP_KINK);
+        let tightest = if is_guided { self.tightest(&all) } else { Vec::new() };
+        let sets = [(!is_guided || steady).then_some(all), Some(tightest)];
+        let mut least_s = f64::INFINITY;
+        let mut found = (Vec::new(), Vec::new());
+        for corners in sets.into_iter().flatten() {
+            let count = corners.partition_point(|&index| index < open.last);
+            if count == 0 {
+                continue;
+            }
+            let (mut ways, seconds) = self.quickest(Some(open), &corners, count, &trials, joining);
+            ways.truncate(count);
+            if seconds < least_s && ways.iter().any(|&way| way != usual) {
+                (least_s, found) = (seconds, (corners, ways));
+            }
+        }
+        self.set_ways(&found.0, &found.1);
+        let are_joined = found.1.is_empty();
+        let others = self.undecided(seen.min(open.last), LEAST_STOP_KINK);
+        self.set_ways(&others, &vec![usual; others.len()]);
+        Some(!are_joined)
     }
 
     /// Decides how the first corners are passed, of which the first is in no curve; whether more of the path has to be known for that.
@@ -101,7 +121,7 @@ impl<T: Carried> PathSmoother<T> {
         let corners = self.undecided(WAYS_SEEN, LEAST_ALONE_KINK);
         let (usual, others) = (Way::Alone, &[Way::Stop, Way::Rounded]);
         let trials = Trials { usual, others, elements: usize::MAX, trail: TRAIL, are_mixed: false };
-        let ways = self.quickest(None, &corners, 1, &trials, joining);
+        let (ways, _) = self.quickest(None, &corners, 1, &trials, joining);
         self.set_ways(&corners, &ways[..1]);
         false
     }
@@ -110,7 +130,12 @@ impl<T: Carried> PathSmoother<T> {
     pub(super) fn quickest_turn(&self, corners: &[usize], joining: Joining<'_>) -> Vec<Way> {
         let others = &[Way::Alone, Way::Turned];
         let trials = Trials { usual: Way::Open, others, elements: TURN_SEEN, trail: 1, are_mixed: false };
-        self.quickest(None, corners, corners.len(), &trials, joining)
+        self.quickest(None, corners, corners.len(), &trials, joining).0
+    }
+
+    /// Whether the tool centre point is guided.
+    fn is_guided(&self) -> bool {
+        self.pending.front().is_some_and(Entry::is_guided)
     }
 
     /// The sharp corners among the first joints that may be passed in any way.
@@ -123,8 +148,22 @@ impl<T: Carried> PathSmoother<T> {
         first.filter(|(_, entry)| is_open(&entry.joint)).map(|(index, _)| index).collect()
     }
 
+    /// Those of these corners that stay sharp within their tolerances: of a tool that hardly turns otherwise for as long as the blocks
+    /// beside them are, these leave nothing.
+    fn tightest(&self, corners: &[usize]) -> Vec<usize> {
+        let is_tight = |&index: &usize| {
+            let (Some(before), Some(after)) = (self.pending.get(index), self.pending.get(index + 1)) else {
+                return false;
+            };
+            let Joint::Corner { reach_mm, .. } = before.joint else { return false };
+            reach_mm < CORNER_SHARE * before.full_length_mm.min(after.full_length_mm)
+                || guided::tip_kink(&before.element, &after.element) >= LEAST_STOP_KINK
+        };
+        corners.iter().copied().filter(is_tight).collect()
+    }
+
     /// The quickest ways found to pass these corners, of which `count` are to be decided: the first way, or others for all of them or for
-    /// some.
+    /// some; and the time of their plan, s, or what others would have had to take less than.
     fn quickest(
         &self,
         open: Option<&Open>,
@@ -132,15 +171,15 @@ impl<T: Carried> PathSmoother<T> {
         count: usize,
         trials: &Trials,
         joining: Joining<'_>,
-    ) -> Vec<Way> {
+    ) -> (Vec<Way>, f64) {
         let usual = trials.usual;
         let mut ways = vec![usual; corners.len()];
         let mut seen = Vec::new();
         let trail = self.trail.range(self.trail.len().saturating_sub(trials.trail)..);
         let mut seconds =
             |ways: &[Way]| self.trial(open, corners, ways, trials.elements).seconds(trail.clone(), joining, &mut seen);
-        let Some(usual_s) = seconds(&ways) else { return ways };
-        let are_few = open.is_some_and(|open| corners.len() <= open.last / 2);
+        let Some(usual_s) = seconds(&ways) else { return (ways, f64::INFINITY) };
+        let are_few = !self.is_guided() && open.is_some_and(|open| corners.len() <= open.last / 2);
         let mut least_s = usual_s / if are_few { FEW_STOPS_GAIN } else { CORNER_STOP_GAIN };
         let mut times_s = Vec::new();
         for &way in trials.others {
@@ -159,7 +198,7 @@ impl<T: Carried> PathSmoother<T> {
         times_s.retain(|&(_, seconds)| seconds < least_s * MOST_MIXED);
         let is_much = count * self.pending.len() > MOST_TRIED_BLOCKS;
         if !trials.are_mixed || corners.len() == 1 || times_s.len() == 1 || is_much {
-            return ways;
+            return (ways, least_s);
         }
         for index in 0..count {
             for &(way, _) in &times_s {
@@ -174,7 +213,7 @@ impl<T: Carried> PathSmoother<T> {
                 }
             }
         }
-        ways
+        (ways, least_s)
     }
 
     /// One way for all these corners; that of U-turns is taken where there are some, and the others alone.
