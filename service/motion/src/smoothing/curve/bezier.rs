@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::vector::{difference, scaled, sum};
-use super::place::Point;
+use super::place::{Point, first};
 
 /// Position and its first two derivatives by the arc length of the programmed path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,33 +25,39 @@ pub(super) struct Span {
     pub(super) points: [Point; 4],
 }
 
-fn mix(a: Point, b: Point, share: f64) -> Point {
+fn mix<const N: usize>(a: [f64; N], b: [f64; N], share: f64) -> [f64; N] {
     sum(a, scaled(difference(b, a), share))
 }
 
-impl Span {
-    /// The polar form at three arc lengths, as shares of the span.
-    fn polar(&self, [a, b, c]: [f64; 3]) -> Point {
-        let [p0, p1, p2, p3] = self.points;
-        let [q0, q1, q2] = [mix(p0, p1, a), mix(p1, p2, a), mix(p2, p3, a)];
-        mix(mix(q0, q1, b), mix(q1, q2, b), c)
-    }
+/// The polar form of a span with these control points at three shares of it.
+fn polar<const N: usize>([p0, p1, p2, p3]: [[f64; N]; 4], [a, b, c]: [f64; 3]) -> [f64; N] {
+    let [q0, q1, q2] = [mix(p0, p1, a), mix(p1, p2, a), mix(p2, p3, a)];
+    mix(mix(q0, q1, b), mix(q1, q2, b), c)
+}
 
+impl Span {
     fn share(&self, s: f64) -> f64 {
         (s - self.from) / (self.to - self.from)
     }
 
-    /// The control points of the part between two arc lengths; its own ends stay as they are.
+    /// The part between two arc lengths; its own ends stay as they are.
     pub(super) fn part(&self, from: f64, to: f64) -> Self {
+        if from <= self.from && to >= self.to { *self } else { Self { from, to, points: self.part_points(from, to) } }
+    }
+
+    /// The first coordinates of the control points of the part between two arc lengths.
+    pub(super) fn part_points<const N: usize>(&self, from: f64, to: f64) -> [[f64; N]; 4] {
+        let points = self.points.map(first);
+        if from <= self.from && to >= self.to {
+            return points;
+        }
         let [a, b] = [self.share(from), self.share(to)];
-        let [p0, _, _, p3] = self.points;
-        let points = [
-            if from > self.from { self.polar([a, a, a]) } else { p0 },
-            self.polar([a, a, b]),
-            self.polar([a, b, b]),
-            if to < self.to { self.polar([b, b, b]) } else { p3 },
-        ];
-        if from <= self.from && to >= self.to { *self } else { Self { from, to, points } }
+        [
+            if from > self.from { polar(points, [a, a, a]) } else { points[0] },
+            polar(points, [a, a, b]),
+            polar(points, [a, b, b]),
+            if to < self.to { polar(points, [b, b, b]) } else { points[3] },
+        ]
     }
 
     pub(super) fn state(&self, s: f64) -> State {
@@ -61,7 +67,7 @@ impl Span {
         let bends = [difference(legs[1], legs[0]), difference(legs[2], legs[1])];
         let per_length = 1.0 / (self.to - self.from);
         State {
-            point: self.polar([t, t, t]),
+            point: polar(self.points, [t, t, t]),
             first: scaled(mix(mix(legs[0], legs[1], t), mix(legs[1], legs[2], t), t), 3.0 * per_length),
             second: scaled(mix(bends[0], bends[1], t), 6.0 * per_length * per_length),
             is_free: false,

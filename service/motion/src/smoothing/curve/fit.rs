@@ -20,7 +20,7 @@ use core::ops::Range;
 use super::super::vector::{difference, scaled, sum};
 use super::bezier::{Span, State};
 use super::path::Sample;
-use super::place::Point;
+use super::place::{filled, first};
 use crate::tolerance::{CURVE_ROUNDS, CURVE_SCALE_GRADE};
 
 /// Bands of the normal equations beside the diagonal.
@@ -28,20 +28,20 @@ const BANDS: usize = 3;
 
 /// Working space of the fit; nothing of it lasts.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Fit {
+pub(super) struct Fit<const N: usize> {
     /// Each end four times.
     knots: Vec<f64>,
-    coefficients: Vec<Point>,
+    coefficients: Vec<[f64; N]>,
     /// Third derivative on each span by its four coefficients, times the root of its length.
     thirds: Vec<[f64; 4]>,
     rows: Vec<[f64; BANDS + 1]>,
-    right: Vec<Point>,
+    right: Vec<[f64; N]>,
     scales: Vec<f64>,
     /// The coefficients that are not fixed by an end.
     free: Range<usize>,
 }
 
-impl Fit {
+impl<const N: usize> Fit<N> {
     /// The spans of the curve on these knots, into `spans`; `false` where the tolerance cannot be kept.
     ///
     /// `farthest` raises the ratios of deviation to tolerance at the samples to those of the stretches beside them.
@@ -59,7 +59,7 @@ impl Fit {
         self.knots.extend_from_slice(knots);
         self.knots.extend([knots[span_count]; 3]);
         self.coefficients.clear();
-        self.coefficients.resize(span_count + 3, Point::default());
+        self.coefficients.resize(span_count + 3, [0.0; N]);
         self.fix_ends(ends);
         self.measure_thirds(knots);
         self.scales.clear();
@@ -70,16 +70,15 @@ impl Fit {
             self.solve_once(samples);
             ratios.clear();
             for sample in samples {
-                let at = (0..4).fold(Point::default(), |at, k| {
-                    sum(at, scaled(self.coefficients[sample.span + k], sample.basis[k]))
-                });
+                let at =
+                    (0..4).fold([0.0; N], |at, k| sum(at, scaled(self.coefficients[sample.span + k], sample.basis[k])));
                 ratios.push(sample.ratio(at));
             }
             if ratios.iter().all(|&ratio| ratio <= 1.0) {
                 spans.clear();
                 for span in 0..span_count {
-                    let own: [Point; 4] = core::array::from_fn(|k| self.coefficients[span + k]);
-                    let points = control_points(self.local_knots(span), &own);
+                    let own: [[f64; N]; 4] = core::array::from_fn(|k| self.coefficients[span + k]);
+                    let points = control_points(self.local_knots(span), &own).map(filled);
                     spans.push(Span { from: knots[span], to: knots[span + 1], points });
                 }
                 farthest(spans, &mut ratios);
@@ -141,9 +140,10 @@ impl Fit {
         let leading = [knots[4] - knots[3], knots[5] - knots[3]];
         let trailing = [knots[count - 5] - knots[count - 4], knots[count - 6] - knots[count - 4]];
         let three = |state: &State, [one, two]: [f64; 2]| {
-            let slope = sum(state.first, scaled(state.second, 0.5 * one));
-            let second = sum(state.point, scaled(state.first, one / 3.0));
-            [state.point, second, sum(second, scaled(slope, two / 3.0))]
+            let [point, slope, bend] = [state.point, state.first, state.second].map(first);
+            let second = sum(point, scaled(slope, one / 3.0));
+            let slope = sum(slope, scaled(bend, 0.5 * one));
+            [point, second, sum(second, scaled(slope, two / 3.0))]
         };
         for (k, coefficient) in three(start, leading).into_iter().enumerate() {
             self.coefficients[k] = coefficient;
@@ -159,7 +159,7 @@ impl Fit {
         self.rows.clear();
         self.rows.resize(count, [0.0; BANDS + 1]);
         self.right.clear();
-        self.right.resize(count, Point::default());
+        self.right.resize(count, [0.0; N]);
         let mut equations = Equations {
             rows: &mut self.rows,
             right: &mut self.right,
@@ -167,13 +167,13 @@ impl Fit {
             free: self.free.clone(),
         };
         for (span, row) in self.thirds.iter().enumerate() {
-            equations.add(span, row, 1.0, Point::default());
+            equations.add(span, row, 1.0, [0.0; N]);
         }
         for (sample, &scale) in samples.iter().zip(&self.scales) {
             let cube = scale * scale * scale;
             let weight = sample.weight_mm / (cube * cube);
             let (span, basis) = (sample.span, &sample.basis);
-            equations.add(span, basis, weight, sample.point);
+            equations.add(span, basis, weight, first(sample.point));
         }
         for row in 0..count {
             let pivot = self.rows[row];
@@ -198,29 +198,29 @@ impl Fit {
 }
 
 /// The normal equations under construction.
-struct Equations<'a> {
+struct Equations<'a, const N: usize> {
     rows: &'a mut [[f64; BANDS + 1]],
-    right: &'a mut [Point],
-    coefficients: &'a [Point],
+    right: &'a mut [[f64; N]],
+    coefficients: &'a [[f64; N]],
     free: Range<usize>,
 }
 
-impl Equations<'_> {
+impl<const N: usize> Equations<'_, N> {
     /// Adds weight·(row·c − target)² of the four coefficients c of a span.
-    fn add(&mut self, span: usize, row: &[f64; 4], weight: f64, target: Point) {
+    fn add(&mut self, span: usize, row: &[f64; 4], weight: f64, target: [f64; N]) {
         let mut rest = target;
-        let mut first = 4;
+        let mut lowest = 4;
         let mut behind = 0;
         for k in 0..4 {
             if self.free.contains(&(span + k)) {
-                first = first.min(k);
+                lowest = lowest.min(k);
                 behind = k + 1;
             } else {
                 // What is fixed goes to the right side.
                 rest = difference(rest, scaled(self.coefficients[span + k], row[k]));
             }
         }
-        for a in first..behind {
+        for a in lowest..behind {
             let place = span + a - self.free.start;
             let weighted = weight * row[a];
             self.right[place] = sum(self.right[place], scaled(rest, weighted));

@@ -22,7 +22,7 @@ use self::bezier::{Span, State};
 use self::fit::Fit;
 use self::parts::Settled;
 use self::path::Path;
-use self::place::exact;
+use self::place::{GUIDED, LINEAR, exact};
 use super::joint::Joint;
 use super::origin::Origin;
 use super::ways::Way;
@@ -318,7 +318,13 @@ impl<T: Carried> PathSmoother<T> {
             path.samples(&knots, &mut samples);
             let places: Vec<f64> = knots.iter().map(|knot| knot[0]).collect();
             let farthest = |spans: &[Span], ratios: &mut Vec<f64>| path.farthest(spans, &samples, ratios);
-            if !Fit::default().solve(&places, &samples, [&open.start, &goal], &mut spans, farthest) {
+            let ends = [&open.start, &goal];
+            let is_found = if self.pending[leg].is_guided() {
+                Fit::<GUIDED>::default().solve(&places, &samples, ends, &mut spans, farthest)
+            } else {
+                Fit::<LINEAR>::default().solve(&places, &samples, ends, &mut spans, farthest)
+            };
+            if !is_found {
                 continue;
             }
             let upto = if is_whole { window.ending() } else { Self::settled_end(path, &spans, leg.min(open.last)) };

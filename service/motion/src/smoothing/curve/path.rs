@@ -9,7 +9,7 @@ use super::super::vector::{difference, norm, scaled, sum};
 use super::Ending;
 use super::bezier::Span;
 use super::fit::basis;
-use super::place::{self, Point, tip, turns};
+use super::place::{self, GUIDED, LINEAR, Point, filled, tip, turns};
 use crate::kinematics::FiveAxisCorners;
 use crate::kinematics::vector::Vec3;
 use crate::tolerance::{
@@ -37,18 +37,33 @@ pub(super) struct Sample {
     share: f64,
     /// Largest distance of the curve, mm.
     tolerance_mm: f64,
-    /// Change of the tool's direction with either rotary axis, by the largest one of it.
-    turning: [Vec3; 2],
+    /// Change of the tool's direction with either rotary axis, by the largest one that is permitted, under tool centre point control.
+    turning: Option<[Vec3; 2]>,
     /// First scale of the fit, mm.
     pub(super) scale: f64,
 }
 
 impl Sample {
     /// Deviation of a point of the curve, by what it may be.
-    pub(super) fn ratio(&self, at: Point) -> f64 {
-        let off = difference(at, self.point);
-        larger(norm(tip(off)) / self.tolerance_mm, turned(self.turning, turns(off)))
+    pub(super) fn ratio<const N: usize>(&self, at: [f64; N]) -> f64 {
+        let off = norm(difference(tip(at), tip(self.point))) / self.tolerance_mm;
+        let turned = |turning| turned(turning, turns(difference(filled(at), self.point)));
+        self.turning.map_or(off, |turning| larger(off, turned(turning)))
     }
+}
+
+/// Largest distance of X, Y and Z of control points, and the number of those.
+fn farthest_point<const N: usize>(curve: &[[f64; N]; 4], path: &[Point; 4]) -> (f64, usize) {
+    let mut largest = (0.0, 0);
+    for number in 0..4 {
+        // Not `max`, which would pass over what is no number.
+        let own = norm(difference(tip(curve[number]), tip(path[number])));
+        let is_less = own <= largest.0;
+        if !is_less {
+            largest = (own, number);
+        }
+    }
+    largest
 }
 
 /// Turn of the tool's direction by a turn of the rotary axes.
@@ -243,6 +258,10 @@ impl<'a> Path<'a> {
         place::point(element, s - from)
     }
 
+    fn is_guided(&self, leg: usize) -> bool {
+        matches!(self.legs[leg].element.curve, Curve::FiveAxis(_))
+    }
+
     /// Change of the tool's direction with either rotary axis at a place, by the largest one that is permitted.
     fn turning(&self, point: Point) -> [Vec3; 2] {
         let [_, second_rad] = turns(point);
@@ -285,7 +304,9 @@ impl<'a> Path<'a> {
                             weight_mm: s - last,
                             share: usable,
                             tolerance_mm: self.tolerance_mm * usable,
-                            turning: self.turning(point).map(|turning| scaled(turning, 1.0 / usable)),
+                            turning: self
+                                .is_guided(leg)
+                                .then(|| self.turning(point).map(|by| scaled(by, 1.0 / usable))),
                             scale: CURVE_SCALE_SHARE * (reach + (next_reach - reach) * share),
                         });
                     }
@@ -330,22 +351,15 @@ impl<'a> Path<'a> {
     /// Upper bounds of the distance of a part of a span from an element: curve and path are compared at the same place, as polynomials,
     /// whose difference stays within the hull of its control points. An arc is the cubic with its ends and directions, to r·φ⁴/384.
     fn part_deviation(&self, span: &Span, leg: usize, [from, to]: [f64; 2]) -> PartDeviation {
-        let curve = span.part(from, to).points;
         let (path, error_mm) = self.control_points(leg, from, to);
-        let mut largest = (0.0, 0);
-        for number in 0..4 {
-            // Not `max`, which would pass over what is no number.
-            let own = norm(difference(tip(curve[number]), tip(path[number])));
-            let is_less = own <= largest.0;
-            if !is_less {
-                largest = (own, number);
-            }
+        if !self.is_guided(leg) {
+            let (largest_mm, farthest) = farthest_point(&span.part_points::<LINEAR>(from, to), &path);
+            return PartDeviation { largest_mm: largest_mm + error_mm, farthest, turned: 0.0 };
         }
-        let is_turning = matches!(self.legs[leg].element.curve, Curve::FiveAxis(_));
-        let turned = if is_turning { self.part_turned(&curve, &path, leg, [from, to]) } else { 0.0 };
-        PartDeviation { largest_mm: largest.0 + error_mm, farthest: largest.1, turned }
+        let curve = span.part_points::<GUIDED>(from, to);
+        let (largest_mm, farthest) = farthest_point(&curve, &path);
+        PartDeviation { largest_mm, farthest, turned: self.part_turned(&curve, &path, leg, [from, to]) }
     }
-
     /// Upper bound of the angle between the directions along a part of a span and an element, by the largest one that is permitted.
     ///
     /// Straight from one pair of rotary values to the other, the direction goes at most so far as the difference is long, measured by how

@@ -7,11 +7,26 @@ use super::bezier::State;
 use crate::{Curve, Element, FiveAxis};
 
 /// X, Y and Z, mm; under tool centre point control those of the tool centre point and both rotary axes, rad, which are 0 otherwise.
-pub(super) type Point = [f64; 5];
+pub(super) type Point = [f64; GUIDED];
+
+/// Coordinates of a place on three axes.
+pub(super) const LINEAR: usize = 3;
+/// The same under tool centre point control.
+pub(super) const GUIDED: usize = 5;
+
+/// The first coordinates of a place.
+pub(super) fn first<const N: usize>(point: Point) -> [f64; N] {
+    core::array::from_fn(|k| point[k])
+}
+
+/// A place by its first coordinates.
+pub(super) fn filled<const N: usize>(first: [f64; N]) -> Point {
+    core::array::from_fn(|k| first.get(k).copied().unwrap_or_default())
+}
 
 /// X, Y and Z of a place.
-pub(super) fn tip([x, y, z, ..]: Point) -> Vector {
-    [x, y, z]
+pub(super) fn tip<const N: usize>(point: [f64; N]) -> Vector {
+    [point[0], point[1], point[2]]
 }
 
 /// The rotary axes of a place, rad.
