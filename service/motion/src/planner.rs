@@ -4,7 +4,8 @@
 //! lies between two rests is a chain. A chain is planned when its end is known or when the window is full, by elements or by the
 //! memory that they take: then the path is assumed to rest at the window's end, which is always safe, and about the first half
 //! of the window is released. The first time it is planned earlier, as soon as a second of it no longer depends on what
-//! follows ([`start`]). All planning happens when something is pushed, so the result does not depend on when it is taken out.
+//! follows ([`start`]). All planning follows from what was pushed so far and from changes of the feed override, so the result does not
+//! depend on when it is taken out.
 //!
 //! Planning in runs has two steps. First neighbouring stretches are gathered into runs ([`runs`]) that share one set of limits,
 //! so that acceleration carries on from one short block into the next. Then a backward and a forward pass over the

@@ -56,7 +56,7 @@ impl<B: Clone> Planner<B> {
         let mut taken = 0;
         let own = self.not_taken().skip(has).map(PathItem::from);
         let items = path.iter().cloned().chain(own).inspect(|_| taken += 1);
-        let begun = planner.begin(items);
+        let begun = planner.begin(least, items);
         if begun.is_err() {
             self.scratch = core::mem::take(&mut planner.scratch);
         }
@@ -71,9 +71,8 @@ impl<B: Clone> Planner<B> {
         self.not_taken().next().map(PathItem::from)
     }
 
-    /// Plans the first part of a path; the speed at its start.
-    fn begin(&mut self, mut path: impl Iterator<Item = PathItem<B>>) -> Result<f64, TooFast> {
-        let speed = self.entry_speed;
+    /// Plans the first part of a path; the speed at its start, from a lowest one on.
+    fn begin(&mut self, least: f64, mut path: impl Iterator<Item = PathItem<B>>) -> Result<f64, TooFast> {
         while self.ready.is_empty() && !self.is_held && !self.too_fast {
             let Some(item) = path.next() else {
                 self.plan_known();
@@ -90,7 +89,7 @@ impl<B: Clone> Planner<B> {
         self.free_entry = None;
         self.next_plan = self.settings.window.max(self.chain.len() + 1);
         self.next_plan_bytes = self.settings.window_bytes.max(self.chain_bytes + 1);
-        let rests_while_fast = speed > 0.0 && chosen <= 0.0;
+        let rests_while_fast = least > 0.0 && chosen <= 0.0;
         if self.too_fast || rests_while_fast { Err(TooFast) } else { Ok(chosen) }
     }
 
@@ -118,7 +117,7 @@ impl<B> Planner<B> {
         let mut behind = Behind::new(ready, chain, core::mem::take(&mut self.behind));
         behind.remove_front(taken);
         behind.prepend(path);
-        // What was found not to fit in front of a hold.
+        // What came when the path was found to rest before it.
         while let Some(item) = planner.behind.pop_front() {
             behind.push_front(item);
         }
