@@ -47,8 +47,9 @@ pub struct MachineProfile {
     /// 0 to [`MAX_POLE_TOLERANCE_DEG`]; for programs with direction vectors.
     #[serde(default)]
     pub pole_tolerance_deg: f64,
-    /// Largest angle between the programmed tool direction and the one that is taken where `G64` rounds a corner under tool
-    /// centre point control, degrees, 0 to [`MAX_CORNER_DIRECTION_TOLERANCE_DEG`]; with 0 such corners stay.
+    /// Largest angle between the programmed tool direction and the one that is taken where `G64` rounds a corner or makes one curve of
+    /// short blocks under tool centre point control, degrees, 0 to [`MAX_CORNER_DIRECTION_TOLERANCE_DEG`]; with 0 corners at which the
+    /// tool turns otherwise stay.
     #[serde(default = "default_corner_direction_tolerance_deg")]
     pub corner_direction_tolerance_deg: f64,
     /// Thinning of five-axis blocks.
@@ -344,7 +345,7 @@ fn vibration_problems(vibration: &VibrationSettings) -> Vec<ProfileProblem> {
 
 /// Largest tolerance within which the tool direction may be bent to lead through a pole, degrees.
 pub const MAX_POLE_TOLERANCE_DEG: f64 = 5.0;
-/// Largest angle between the programmed tool direction and the one that is taken at a corner, degrees.
+/// Largest angle between the programmed tool direction and the one that is taken at a corner or in a curve, degrees.
 pub const MAX_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 5.0;
 /// A tenth of a degree moves the flank of a tool by 0.02 mm in 10 mm: less than is left for finishing.
 const DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 0.1;

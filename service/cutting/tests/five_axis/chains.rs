@@ -394,6 +394,30 @@ fn the_report_says_how_far_the_tip_is_from_the_programmed_path() {
     assert!(off <= 1.0 + 1e-6, "{off}");
 }
 
+#[test]
+fn a_chain_stays_within_the_travel_of_the_programmed_path() {
+    for (kind, machine) in [(3, 0), (6, 0), (6, 4)] {
+        let (vectors, least_time) = (false, true);
+        let case = Case { kind, machine, vectors, least_time, block_mm: 0.3, feed: 3_000.0, p_mm: 0.2, seed: 3 };
+        let (mut config, _) = case.config();
+        let exact = run(&case.text("G61.1"), &config);
+        for (axis, column) in config.profile.machine.axes.iter_mut().zip(&exact.axes) {
+            // The path comes to rest at its ends near a setpoint, not at one.
+            axis.travel_min = Some(column.iter().copied().fold(f64::INFINITY, f64::min) - 1e-4);
+            axis.travel_max = Some(column.iter().copied().fold(f64::NEG_INFINITY, f64::max) + 1e-4);
+        }
+        let text = case.text("G64 P0.2");
+        let report = validate(&text, &config);
+        assert!(report.is_accepted(), "{:?}", report.findings.first());
+        let rounded = run(&text, &config);
+        assert!(2 * rounded.len() < exact.len(), "{} and {}", rounded.len(), exact.len());
+        for (axis, column) in config.profile.machine.axes.iter().zip(&rounded.axes) {
+            let range = axis.travel_min.expect("it has one")..=axis.travel_max.expect("it has one");
+            assert!(column.iter().all(|value| range.contains(value)), "{}", axis.name);
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 

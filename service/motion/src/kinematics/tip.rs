@@ -14,7 +14,7 @@ pub enum TipPath {
     Line([Vec3; 2]),
     /// About a centre.
     Arc(Box<TipArc>),
-    /// Along a spline, or at a corner that is rounded.
+    /// Along a spline, at a corner that is rounded, or in one curve of short blocks.
     Spline(Box<TipSpline>),
 }
 

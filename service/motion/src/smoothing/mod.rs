@@ -122,7 +122,7 @@ pub struct Joining<'a> {
     pub many_blocks: bool,
     /// At the corners of blocks that may become one curve.
     pub corner_speed: CornerSpeed,
-    /// How corners under tool centre point control are rounded; without it they stay.
+    /// How corners under tool centre point control are passed; without it they stay.
     pub corners: Option<FiveAxisCorners<'a>>,
 }
 

@@ -63,7 +63,7 @@ pub(crate) struct GuideInputs<'a> {
     pub(crate) tools: &'a [crate::shared::tool::Tool],
     /// Angle to the line of the first rotary axis within which the direction may be bent to lead through it, degrees.
     pub(crate) pole_tolerance_deg: f64,
-    /// Largest angle between the programmed direction and the one at a rounded corner, degrees.
+    /// Largest angle between the programmed direction and the one at a rounded corner or in one curve of short blocks, degrees.
     pub(crate) corner_direction_tolerance_deg: f64,
 }
 

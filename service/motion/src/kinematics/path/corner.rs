@@ -18,7 +18,7 @@ const HALF_SAMPLES: usize = 8;
 /// Step for the change of direction by a small turn, mm: far below what a direction changes in, far above rounding.
 const SLOPE_STEP_MM: f64 = 1e-4;
 
-/// How corners under tool centre point control are rounded.
+/// How corners under tool centre point control are passed.
 #[derive(Clone, Copy, Debug)]
 pub struct FiveAxisCorners<'a> {
     /// The machine.
