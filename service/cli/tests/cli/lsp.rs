@@ -134,7 +134,7 @@ fn a_hover_says_what_is_in_force_behind_its_line() {
     let root = uri(directory.path());
     let mut session = Session::start();
     // Options as they are, as editors without settings of their own say them.
-    let options = json!({ "machine-kind": "mill", "dialect": "haas", "include": ["."] });
+    let options = json!({ "machine-kind": "mill", "include": ["."] });
     let params = json!({ "processId": null, "capabilities": {}, "rootUri": root, "initializationOptions": options });
     session.ask("initialize", &params);
     session.tell("initialized", &json!({}));
