@@ -67,8 +67,8 @@ pub(super) fn place_knots(task: &Task<'_>, guess: &dyn Guess, interval_s: f64) -
     (LEAST_INTERVALS..=MOST_INTERVALS).contains(&(places.len() - 1)).then_some((Knots(places), squares))
 }
 
-/// Raises squared speeds at the knots where they dip, to those of braking into the dip and starting out of it with a part of what the
-/// axes can.
+/// Raises squared speeds at the knots where they dip between faster ones, to those of braking into the dip and starting out of it with a
+/// part of what the axes can.
 ///
 /// A guess that creeps through a bend leads to a plan that nearly stops in it, although one that brakes up to the bend and starts in it
 /// keeps the same limits: the steps find the nearest of such plans, not the quickest.
@@ -78,11 +78,16 @@ pub(super) fn raise(path: &Path<'_>, knots: &Knots, squares: &mut [f64]) {
         2.0 * RAISED_SHARE * along.acceleration * (ends[1] - ends[0])
     };
     let falls: Vec<f64> = knots.0.windows(2).map(fall).collect();
+    let mut braking = squares.to_vec();
     for (k, fall) in falls.iter().enumerate() {
-        squares[k + 1] = squares[k + 1].max(squares[k] - fall);
+        braking[k + 1] = braking[k + 1].max(braking[k] - fall);
     }
     for (k, fall) in falls.iter().enumerate().rev() {
         squares[k] = squares[k].max(squares[k + 1] - fall);
+    }
+    // At either end the speed is given.
+    for (square, braking) in squares.iter_mut().zip(braking) {
+        *square = square.min(braking);
     }
 }
 
