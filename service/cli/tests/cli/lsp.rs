@@ -192,7 +192,7 @@ fn a_document_whose_uri_has_a_bare_per_cent_sign_is_judged_under_its_name() {
 fn a_session_is_as_it_was() {
     let path = fixture("lsp-session.jsonl");
     let lines: Vec<Value> =
-        std::fs::read_to_string(&path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        fs::read_to_string(&path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let mut session = Session::start();
     let mut found = String::new();
     for line in &lines {
@@ -209,7 +209,7 @@ fn a_session_is_as_it_was() {
     drop(session.input.take());
     assert_eq!(session.child.wait().unwrap().code(), Some(0));
     if std::env::var_os("FEEDWAVE_WRITE_DOCS").is_some() {
-        std::fs::write(&path, &found).unwrap();
+        fs::write(&path, &found).unwrap();
         return;
     }
     for (line, (found, expected)) in found.lines().zip(&lines).enumerate() {
@@ -220,7 +220,7 @@ fn a_session_is_as_it_was() {
 #[test]
 fn a_quick_fix_cures_what_it_was_offered_for() {
     let directory = tempfile::tempdir().unwrap();
-    let program = std::fs::read_to_string(fixture("spec-trap.nc")).unwrap();
+    let program = fs::read_to_string(fixture("spec-trap.nc")).unwrap();
     let name = uri(&directory.path().join("trap.nc"));
     let mut session = Session::initialized(directory.path(), &json!({}));
     session.open(&name, &program);
@@ -250,9 +250,9 @@ fn the_machine_is_that_of_the_file_beside_the_program_and_changes_with_it() {
     let root = directory.path();
     let name = uri(&root.join("part.nc"));
     let options = root.join("feedwave.toml");
-    std::fs::create_dir(root.join("subs")).unwrap();
-    std::fs::write(root.join("subs/O1000.nc"), "O1000\nG1 Z-2 F100\nN7 G1 X20\nG1 Y0 Q5\nM99\n").unwrap();
-    std::fs::write(&options, "[validate]\nmachine_kind = \"mill\"\ninclude = \"subs\"\n").unwrap();
+    fs::create_dir(root.join("subs")).unwrap();
+    fs::write(root.join("subs/O1000.nc"), "O1000\nG1 Z-2 F100\nN7 G1 X20\nG1 Y0 Q5\nM99\n").unwrap();
+    fs::write(&options, "[validate]\nmachine_kind = \"mill\"\ninclude = \"subs\"\n").unwrap();
     let mut session = Session::initialized(root, &json!({ "machine_kind": "lathe" }));
     session.open(&name, "G21 G90 S500 M3\nG0 X10 Y0 Z5\nM98 P1000\nM30\n");
     let shown = session.shown(&name, 1);
@@ -270,7 +270,7 @@ fn the_machine_is_that_of_the_file_beside_the_program_and_changes_with_it() {
     let hints = session.ask("textDocument/inlayHint", &json!({ "textDocument": { "uri": name }, "range": whole }));
     assert_eq!(hints["result"], json!([]));
     // Another machine: everything is judged anew.
-    std::fs::write(&options, "[validate]\nmachine_kind = \"drill\"\n").unwrap();
+    fs::write(&options, "[validate]\nmachine_kind = \"drill\"\n").unwrap();
     session.tell("workspace/didChangeWatchedFiles", &json!({ "changes": [] }));
     let shown = session.shown(&name, 1);
     let message = shown[0]["message"].as_str().unwrap();
@@ -413,7 +413,7 @@ fn a_document_beyond_all_bounds_is_known_again_when_it_is_saved() {
 #[test]
 fn quick_fixes_are_asked_for_by_whole_kinds() {
     let directory = tempfile::tempdir().unwrap();
-    let program = std::fs::read_to_string(fixture("spec-trap.nc")).unwrap();
+    let program = fs::read_to_string(fixture("spec-trap.nc")).unwrap();
     let name = uri(&directory.path().join("trap.nc"));
     let mut session = Session::initialized(directory.path(), &json!({}));
     session.open(&name, &program);
