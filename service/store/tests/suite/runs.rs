@@ -260,13 +260,16 @@ async fn decisions_are_followed_without_gaps() {
     let mut seen = Vec::new();
     for number in 0..20 {
         let run = if number % 3 == 0 { &second } else { &first };
+        let after = seen.last().copied().unwrap_or(0);
+        // Who looks at the log may see the commit before it is answered: what is lent of the watch is given back at once,
+        // or the writer, which tells of its commit as well, waits for it for good.
+        let told = async { newest.wait_for(|newest| *newest > after).await.map(drop) };
         let both = tokio::join!(
             store.commit_run(run.run.id, run.attachment, decisions(10 * number..10 * number + 2)),
-            newest.wait_for(|newest| *newest > seen.last().copied().unwrap_or(0)),
+            told,
         );
         both.0.unwrap();
         both.1.unwrap();
-        let after = seen.last().copied().unwrap_or(0);
         let new = store.decisions_after(after, &DecisionFilter::default(), 500).await.unwrap();
         seen.extend(new.iter().map(|decision| decision.sequence));
     }
