@@ -68,6 +68,74 @@ impl Guess for Braking {
     }
 }
 
+/// The slower of two plans of the same path at every place, as far as both go.
+struct Slower {
+    /// Time, place and speed; the acceleration is constant in between.
+    states: Vec<[f64; 3]>,
+}
+
+impl Slower {
+    /// Over the first `length` mm.
+    fn of(plans: [&dyn Guess; 2], length: f64) -> Self {
+        let sampled = plans.map(|plan| {
+            let count = (plan.duration_s() / GUESS_STEP_S).ceil().clamp(1.0, MOST_GUESS_STEPS);
+            let at = |number: f64| plan.at(plan.duration_s() * number / count);
+            (0..=count as u32).map(|number| at(f64::from(number))).collect::<Vec<_>>()
+        });
+        let mut places: Vec<f64> = sampled.iter().flatten().map(|&(place, _)| place).collect();
+        places.retain(|&place| place < length);
+        places.push(length);
+        places.sort_by(f64::total_cmp);
+        places.dedup();
+        let mut states: Vec<[f64; 3]> = Vec::with_capacity(places.len());
+        let mut next = [1; 2];
+        for place in places {
+            let mut slowest = f64::INFINITY;
+            for (own, next) in sampled.iter().zip(&mut next) {
+                while *next + 1 < own.len() && own[*next].0 < place {
+                    *next += 1;
+                }
+                slowest = slowest.min(speed_between(own[*next - 1], own[*next], place));
+            }
+            let time_s = states.last().map_or(0.0, |&[time_s, before, speed]| {
+                let mean = 0.5 * (speed + slowest);
+                if mean > 0.0 { time_s + (place - before) / mean } else { time_s }
+            });
+            states.push([time_s, place, slowest]);
+        }
+        Self { states }
+    }
+}
+
+/// Speed at a place between two others with speeds, at constant acceleration.
+fn speed_between((from, speed): (f64, f64), (to, end_speed): (f64, f64), place: f64) -> f64 {
+    let share = if to > from { ((place - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
+    (speed * speed + share * (end_speed * end_speed - speed * speed)).sqrt()
+}
+
+impl Guess for Slower {
+    fn duration_s(&self) -> f64 {
+        self.states.last().map_or(0.0, |&[time_s, ..]| time_s)
+    }
+
+    fn at(&self, t_s: f64) -> (f64, f64) {
+        let next = self.states.partition_point(|&[time_s, ..]| time_s <= t_s).min(self.states.len() - 1);
+        let [end_s, end, end_speed] = self.states[next];
+        let [start_s, start, speed] = self.states[next.saturating_sub(1)];
+        let span_s = end_s - start_s;
+        if span_s <= 0.0 || t_s >= end_s {
+            return (end, end_speed);
+        }
+        let passed_s = (t_s - start_s).max(0.0);
+        let at = speed + (end_speed - speed) * passed_s / span_s;
+        (start + 0.5 * (speed + at) * passed_s, at)
+    }
+}
+
+/// Times between the places at which the slower of two plans is known, s, and the most of them.
+const GUESS_STEP_S: f64 = 1e-3;
+const MOST_GUESS_STEPS: f64 = 4096.0;
+
 /// The part of a course that a change of the feed override plans anew.
 struct Rest<'a> {
     motions: &'a [PlannedMotion],
@@ -321,8 +389,9 @@ impl<B> Planner<B> {
             End::reserving(rest.speed, rest.acceleration, rest.reserves[0], jerk),
             End::reserving(end_speed, 0.0, exit_reserve, jerk),
         ];
-        // The plan so far is too fast where the path comes to rest.
-        let guess: &dyn Guess = if comes_to_rest { braking } else { &rest.before };
+        // The plan so far is too fast where the path comes to rest, and the braking where it turns before.
+        let slower = comes_to_rest.then(|| Slower::of([&rest.before, braking], length));
+        let guess: &dyn Guess = slower.as_ref().map_or(&rest.before, |slower| slower);
         self.scratch.speed.plan(&path, ends, guess)
     }
 }

@@ -2,11 +2,13 @@
 
 use std::ops::Range;
 
+use feedwave_program::AXIS_COUNT;
+
 use super::course::Governor;
 use super::path::{Derivatives, Path};
 use super::problem::{Basis, Knots};
 use super::ramp::Ramp;
-use super::samples::Samples;
+use super::samples::{EXAMINED_PARTS, Samples};
 use crate::tolerance::{SPEED_CHECKED_SHARE, SPEED_LIMIT_SHARE};
 
 /// Least part of b at the ends of an interval that it falls to within: 3 % of the speed.
@@ -29,6 +31,52 @@ pub(super) fn shares(path: &Path<'_>, derivatives: &[Derivatives], [b, slope, se
     largest
 }
 
+/// Where a quantity that is known at three places with equal distances has a peak near the middle one, in these distances from it, and
+/// what it is there, on the parabola through the three.
+fn peak(around: &[f64]) -> Option<(f64, f64)> {
+    let &[before, own, after] = around else { return None };
+    let (slope, bend) = (0.5 * (after - before), before - 2.0 * own + after);
+    let is_peak = own >= before && own >= after && bend < 0.0;
+    is_peak.then(|| (-slope / bend, own - 0.5 * slope * slope / bend))
+}
+
+/// The speed on an interval, and what of the limits is left to it there.
+struct Interval<'a> {
+    path: &'a Path<'a>,
+    /// b, b′ and b″ at its start.
+    start: [f64; 3],
+    left: f64,
+}
+
+impl Interval<'_> {
+    /// b, b′ and b″, `x` from its start.
+    fn state(&self, x: f64) -> [f64; 3] {
+        let [b, slope, second] = self.start;
+        [b + x * (slope + 0.5 * x * second), slope + x * second, second]
+    }
+
+    /// The largest share of what is left of a limit, `x` from its start.
+    fn ratio(&self, derivatives: &[Derivatives], x: f64) -> f64 {
+        let [velocity, acceleration, jerk] = shares(self.path, derivatives, self.state(x));
+        velocity.max(acceleration.max(jerk) / self.left)
+    }
+
+    /// The largest ratio between places in equal parts from `from` on, `part` apart, with these ratios, and the number of the place that is
+    /// next to it; where it seems to be above what is permitted and above those. Where the path is slower than it was thought to be when
+    /// the places were chosen, they are far apart in time.
+    fn largest_between(&self, ratios: &[f64], (from, part): (f64, f64)) -> Option<(f64, usize)> {
+        let most = ratios.iter().copied().fold(SPEED_CHECKED_SHARE, f64::max);
+        let peaks = ratios.windows(3).enumerate().filter_map(|(before, around)| {
+            let (offset, _) = peak(around).filter(|&(_, ratio)| ratio > most)?;
+            let x = part * ((before + 1) as f64 + offset);
+            let mut derivatives = [[0.0; 3]; AXIS_COUNT];
+            self.path.derivatives(from + x, &mut derivatives);
+            Some((self.ratio(&derivatives, x), before + 1))
+        });
+        peaks.max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+}
+
 /// The largest share of a limit in each of these intervals, and the place where it is; whether all are within what junctions leave of
 /// their limits.
 pub(super) fn worst(
@@ -40,29 +88,37 @@ pub(super) fn worst(
 ) -> bool {
     let mut keeps = true;
     for index in range {
-        let left = left[index];
         let h = knots.0[index + 1] - knots.0[index];
-        let [b, slope, second] = Basis::of(knots, index).state(&c[index..]);
-        let [_, middle, _] = samples.held(index);
+        let start @ [b, slope, second] = Basis::of(knots, index).state(&c[index..]);
+        let own = Interval { path, start, left: left[index] };
+        let [first, middle, _] = samples.held(index);
         let mut largest = (0.0_f64, middle);
+        let mut ratios = [0.0; EXAMINED_PARTS + 1];
         for place in samples.of(index) {
             let x = h * samples.share(place);
-            let state = [b + x * (slope + 0.5 * x * second), slope + x * second, second];
-            let moves = state[0] > 0.0;
+            let [b, ..] = own.state(x);
+            let moves = b > 0.0;
             if !moves {
                 largest = (f64::INFINITY, place);
                 break;
             }
-            let [velocity, acceleration, jerk] = shares(path, samples.derivatives(place), state);
-            let ratio = velocity.max(acceleration.max(jerk) / left);
+            let ratio = own.ratio(samples.derivatives(place), x);
             if ratio > largest.0 {
                 largest = (ratio, place);
             }
+            if let Some(known) = ratios.get_mut(place - first) {
+                *known = ratio;
+            }
+        }
+        let part = h / EXAMINED_PARTS as f64;
+        if let Some((ratio, number)) = own.largest_between(&ratios, (knots.0[index], part))
+            && ratio > largest.0
+        {
+            largest = (ratio, first + number);
         }
         // Between the places b could fall below zero where it bends upwards: the path would turn back.
         let lowest = if second > 0.0 { (-slope / second).max(0.0).min(h) } else { h };
-        let at_lowest = b + lowest * (slope + 0.5 * lowest * second);
-        let at_end = b + h * (slope + 0.5 * h * second);
+        let [[at_lowest, ..], [at_end, ..]] = [lowest, h].map(|x| own.state(x));
         let stays_positive = at_lowest > LEAST_SQUARE * b.min(at_end);
         if !stays_positive {
             largest = (f64::INFINITY, middle);

@@ -15,7 +15,9 @@ pub(super) const LEAST_INTERVALS: usize = 6;
 /// Most intervals of a window; bounds its memory.
 const MOST_INTERVALS: usize = 1 << 13;
 /// Part of the acceleration along the path with which dips of a guess are braked into.
-const RAISED_SHARE: f64 = 0.1;
+const DIP_SHARE: f64 = 0.1;
+/// Part of the squared speed of that braking below which a guess is in a deep dip.
+const DEEP: f64 = 0.3;
 /// How much more than in the middle and at the ends has to be asked at a place of an interval that is held instead of its middle.
 const CLEARLY_MORE: f64 = 1.001;
 
@@ -67,28 +69,26 @@ pub(super) fn place_knots(task: &Task<'_>, guess: &dyn Guess, interval_s: f64) -
     (LEAST_INTERVALS..=MOST_INTERVALS).contains(&(places.len() - 1)).then_some((Knots(places), squares))
 }
 
-/// Raises squared speeds at the knots where they dip between faster ones, to those of braking into the dip and starting out of it with a
-/// part of what the axes can.
-///
-/// A guess that creeps through a bend leads to a plan that nearly stops in it, although one that brakes up to the bend and starts in it
-/// keeps the same limits: the steps find the nearest of such plans, not the quickest.
-pub(super) fn raise(path: &Path<'_>, knots: &Knots, squares: &mut [f64]) {
+/// Whether the squares of speeds at the knots fall far below those of braking into a dip between faster ones, and starting out of it, with a
+/// part of what the axes can: the path passes a narrow bend there.
+pub(super) fn dips(path: &Path<'_>, knots: &Knots, squares: &[f64]) -> bool {
     let fall = |ends: &[f64]| {
         let along = AlongPath::at(path, 0.5 * (ends[0] + ends[1]));
-        2.0 * RAISED_SHARE * along.acceleration * (ends[1] - ends[0])
+        2.0 * DIP_SHARE * along.acceleration * (ends[1] - ends[0])
     };
     let falls: Vec<f64> = knots.0.windows(2).map(fall).collect();
     let mut braking = squares.to_vec();
     for (k, fall) in falls.iter().enumerate() {
         braking[k + 1] = braking[k + 1].max(braking[k] - fall);
     }
+    let mut starting = squares[squares.len() - 1];
     for (k, fall) in falls.iter().enumerate().rev() {
-        squares[k] = squares[k].max(squares[k + 1] - fall);
+        starting = squares[k].max(starting - fall);
+        if squares[k] < DEEP * starting.min(braking[k]) {
+            return true;
+        }
     }
-    // At either end the speed is given.
-    for (square, braking) in squares.iter_mut().zip(braking) {
-        *square = square.min(braking);
-    }
+    false
 }
 
 /// When a guess passes a place, s.

@@ -1,8 +1,8 @@
 //! Speed along a path close to the least time, with velocity, acceleration and jerk of every axis limited place by place.
 //!
 //! The path is given between two places at which its speed and acceleration are known. Between them b(s) = ṡ² is
-//! sought as a quadratic B-spline ([`problem`]) by an interior point method ([`solver`]), twice: on knots four milliseconds
-//! apart, which gives the knots of the second time ([`grid`]). Then every limit is examined between the knots as well ([`check`]);
+//! sought as a quadratic B-spline ([`problem`]) by an interior point method ([`solver`]), twice: on knots far apart,
+//! which gives the knots of the second time ([`grid`]), or at once on close ones where the path passes narrow bends. Then every limit is examined between the knots as well ([`check`]);
 //! where one is exceeded, it is lowered there and the window is solved again around it ([`keeping`]). What comes out is a [`Course`]
 //! ([`segments`]), or nothing: the caller then keeps the plan that it has.
 //!
@@ -108,6 +108,8 @@ impl Task<'_> {
 #[derive(Clone, Copy)]
 struct Stage<'a> {
     guess: &'a dyn Guess,
+    /// Whether that is what the window is planned from, and not an earlier stage.
+    is_known: bool,
     interval_s: f64,
     scale: f64,
     gap: f64,
@@ -119,6 +121,8 @@ pub(crate) struct SpeedPlanner {
     problem: Problem,
     solver: Solver,
     c: Vec<f64>,
+    /// Places, and squared speeds there, of the guess that windows are planned from.
+    known: Vec<(f64, f64)>,
     /// Coefficients to go back to.
     before: Vec<f64>,
     /// By interval.
@@ -169,13 +173,15 @@ impl SpeedPlanner {
         let ramps = [ramp(0)?, ramp(1)?];
         let settled_s = core::array::from_fn(|k| ramps[k].time_s + (2.0 * ends[k].speed / limits[k].jerk).sqrt());
         let task = Task { path, ends, ramps, settled_s, window };
-        let coarse = Stage { guess, interval_s: FIRST_INTERVALS * interval_s, scale: GUESS_SCALE, gap: GAPS[0] };
-        let coarse = self.solve(&task, coarse);
-        let fine = coarse.and_then(|coarse| {
-            self.solve(&task, Stage { guess: &coarse, interval_s, scale: FOUND_SCALE, gap: GAPS[1] })
-        });
+        let stage = Stage { guess, is_known: true, interval_s, scale: FOUND_SCALE, gap: GAPS[1] };
+        let coarse_s = FIRST_INTERVALS * interval_s;
+        let coarse = self.solve(&task, Stage { interval_s: coarse_s, scale: GUESS_SCALE, gap: GAPS[0], ..stage });
+        let fine = match &coarse {
+            Some(coarse) => Stage { guess: coarse, is_known: false, ..stage },
+            None => Stage { interval_s: DIP_INTERVALS * interval_s, ..stage },
+        };
         // From somewhere else the steps may lead where they did not.
-        fine.or_else(|| self.solve(&task, Stage { guess, interval_s, scale: 0.4, gap: GAPS[1] }))
+        self.solve(&task, fine).or_else(|| self.solve(&task, Stage { scale: LEAST_SCALE, ..stage }))
     }
 
     /// The course on knots at equal times of a guess, which is scaled to start with.
@@ -183,9 +189,15 @@ impl SpeedPlanner {
         let path = task.path;
         // A first plan gives knots only.
         let is_last = stage.gap <= GAPS[1];
-        let (knots, mut squares) = grid::place_knots(task, stage.guess, stage.interval_s)?;
-        if !is_last {
-            grid::raise(path, &knots, &mut squares);
+        let (knots, squares) = grid::place_knots(task, stage.guess, stage.interval_s)?;
+        if stage.is_known {
+            self.known.clear();
+            self.known.extend(knots.0.iter().copied().zip(squares.iter().copied()));
+        }
+        self.set_floors(task, &knots);
+        // Knots far apart would not show how narrow bends are passed.
+        if !is_last && grid::dips(path, &knots, &squares) {
+            return None;
         }
         let intervals = knots.intervals();
         self.samples.take(path, &knots, if is_last { EXAMINED_PARTS } else { HELD_PARTS });
@@ -236,16 +248,36 @@ impl SpeedPlanner {
         }
     }
 
-    /// The coefficients to start with and the smallest ones, from the squares of the guess' speeds at the knots; those at the ends
-    /// are given by what is known there.
-    fn start_from(&mut self, task: &Task<'_>, knots: &Knots, squares: &[f64], scale: f64) {
-        let intervals = knots.intervals();
+    /// The smallest coefficients, from the squares of the speeds that are known to be possible.
+    fn set_floors(&mut self, task: &Task<'_>, knots: &Knots) {
         let floor = if task.window.is_possible { LEAST_OF_GUESS } else { 0.0 };
+        let known = &self.known;
+        let mut last = 0;
+        // A known place at or before the start of an interval, up to the first one behind its end.
+        let slowest = |ends: &[f64]| {
+            while known.get(last + 1).is_some_and(|&(place, _)| place <= ends[0]) {
+                last += 1;
+            }
+            let mut slowest = f64::INFINITY;
+            for &(place, square) in &known[last..] {
+                slowest = square.min(slowest);
+                if place >= ends[1] {
+                    break;
+                }
+            }
+            slowest
+        };
         let floors = &mut self.problem.floors;
         floors.clear();
         floors.push(0.0);
-        floors.extend(squares.windows(2).map(|pair| floor * pair[0].min(pair[1])));
+        floors.extend(knots.0.windows(2).map(slowest).map(|square| floor * square));
         floors.push(0.0);
+    }
+
+    /// The coefficients to start with, from the squares of the guess' speeds at the knots; those at the ends are given by what is
+    /// known there.
+    fn start_from(&mut self, task: &Task<'_>, knots: &Knots, squares: &[f64], scale: f64) {
+        let intervals = knots.intervals();
         self.c.clear();
         self.c.push(0.0);
         self.c.extend(squares.windows(2).map(|pair| (scale * 0.5 * (pair[0] + pair[1])).max(f64::MIN_POSITIVE)));
@@ -267,9 +299,13 @@ impl SpeedPlanner {
 
 /// Interval of the first plan as a multiple of that of the second: it gives knots only.
 const FIRST_INTERVALS: f64 = 5.0;
-/// Parts of the squared speeds of a guess, and of those of the first plan, that the steps start from.
+/// The same of a plan whose knots are those of a guess with deep dips: it passes narrow bends, and intervals are longer for it than for
+/// the guess, which is slower.
+const DIP_INTERVALS: f64 = 0.8;
+/// Parts of the squared speeds that the steps start from: of a guess for a first plan, of that plan, or where no way was found.
 const GUESS_SCALE: f64 = 0.7;
 const FOUND_SCALE: f64 = 0.97;
+const LEAST_SCALE: f64 = 0.4;
 /// Part of the squared speed of a possible plan that a faster one does not fall below.
 const LEAST_OF_GUESS: f64 = 0.3;
 /// Part of a coefficient that the next one is at the least, to start with.

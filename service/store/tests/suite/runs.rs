@@ -264,10 +264,8 @@ async fn decisions_are_followed_without_gaps() {
         // Who looks at the log may see the commit before it is answered: what is lent of the watch is given back at once,
         // or the writer, which tells of its commit as well, waits for it for good.
         let told = async { newest.wait_for(|newest| *newest > after).await.map(drop) };
-        let both = tokio::join!(
-            store.commit_run(run.run.id, run.attachment, decisions(10 * number..10 * number + 2)),
-            told,
-        );
+        let both =
+            tokio::join!(store.commit_run(run.run.id, run.attachment, decisions(10 * number..10 * number + 2)), told,);
         both.0.unwrap();
         both.1.unwrap();
         let new = store.decisions_after(after, &DecisionFilter::default(), 500).await.unwrap();
