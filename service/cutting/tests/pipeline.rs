@@ -289,6 +289,24 @@ fn impossible_programs_are_refused_with_numbers() {
 }
 
 #[test]
+fn a_speed_that_is_kept_is_the_clamped_one() {
+    let config = lathe();
+    let limit = config.profile.machine.max_spindle_rev_per_min;
+    // 400 m/min at a diameter of 10 mm would be 12 732 rev/min; at X0 it has no limit of its own.
+    for (clamp, x, kept) in [("G50 S2000", 10, 2_000.0), ("G50 S9000", 10, limit), ("", 10, limit), ("", 0, limit)] {
+        let program = format!("{clamp}\nG0 X{x} Z2\nG96 S400 M3\nG1 Z-5 F0.1\nG97\nG1 Z-10\nM30\n");
+        let report = validate(&program, &config);
+        assert!(!report.findings.iter().any(|finding| finding.severity == Severity::Error), "{:?}", report.findings);
+        let said = report.findings.iter().find(|finding| finding.code == "PRG-SPEED-MISSING").expect("it is said");
+        // To the last bit: 2000/60·60 would be beyond the clamp.
+        assert_eq!((said.span.line, said.values[0].value), (5, kept), "{program}");
+        // What is insisted on is still judged.
+        let report = validate(&program.replace("G97", "G97 S12732"), &config);
+        assert!(report.findings.iter().any(|finding| finding.code == "SPINDLE-SPEED"), "{:?}", report.findings);
+    }
+}
+
+#[test]
 fn an_axis_that_a_lathe_lacks_may_be_a_word_of_the_drawing() {
     let program = "M3 S500\nG0 X20 Z2\nG1 Z-10 R2 F0.2\nX40 C-1\nZ-30\nM30\n";
     let mut config = lathe();

@@ -93,6 +93,8 @@ pub struct Interpreter {
     state: InterpreterState,
     table: CodeTable,
     tools: Vec<ToolOffset>,
+    /// Highest speed of the machine's spindle, rev/min; infinite where it is not known.
+    spindle_limit_rev_per_min: f64,
     /// Names of the job's further programs.
     programs: Arc<[String]>,
     /// What is where in the job's programs, of those that a jump needed. It is no part of the state: it is made anew.
@@ -129,6 +131,7 @@ impl Interpreter {
             settings,
             state,
             tools: Vec::new(),
+            spindle_limit_rev_per_min: f64::INFINITY,
             programs: Arc::new([]),
             indexes: Vec::new(),
             indexing: None,
@@ -146,6 +149,14 @@ impl Interpreter {
     #[must_use]
     pub fn with_tools(mut self, tools: Vec<ToolOffset>) -> Self {
         self.tools = tools;
+        self
+    }
+
+    /// With the highest speed of the machine's spindle, rev/min, at which it clamps constant surface speed. A restored interpreter
+    /// goes on identically with the same one.
+    #[must_use]
+    pub const fn with_spindle_limit(mut self, rev_per_min: f64) -> Self {
+        self.spindle_limit_rev_per_min = rev_per_min;
         self
     }
 
@@ -326,6 +337,7 @@ impl Interpreter {
             settings: &self.settings,
             table: &self.table,
             tools: &self.tools,
+            spindle_limit_rev_per_min: self.spindle_limit_rev_per_min,
             state: &mut self.state,
             block: &self.block,
             operations,

@@ -292,21 +292,27 @@ impl Spindle {
     }
 
     /// Speed in rev/s (never negative) with the tool at X radius `radius_mm`; `0` when stopped.
+    #[must_use]
+    pub fn rev_per_s(&self, radius_mm: f64) -> f64 {
+        self.rev_per_min(radius_mm) / 60.0
+    }
+
+    /// Speed in rev/min (never negative) with the tool at X radius `radius_mm`; `0` when stopped.
     ///
     /// Under constant surface speed n = v_c / (2π·r), clamped at the programmed maximum.
     #[must_use]
-    pub fn rev_per_s(&self, radius_mm: f64) -> f64 {
+    pub fn rev_per_min(&self, radius_mm: f64) -> f64 {
         if self.direction == SpindleDirection::Stopped {
             return 0.0;
         }
         match self.speed {
-            SpindleSpeed::Constant { rev_per_min } => rev_per_min / 60.0,
+            SpindleSpeed::Constant { rev_per_min } => rev_per_min,
             // 0/0 at the axis would count as unlimited.
             SpindleSpeed::Surface { m_per_min: 0.0, .. } => 0.0,
             SpindleSpeed::Surface { m_per_min, max_rev_per_min } => {
                 let circumference_mm = core::f64::consts::TAU * radius_mm.abs();
                 let wanted_rev_per_min = m_per_min * 1_000.0 / circumference_mm;
-                wanted_rev_per_min.min(max_rev_per_min) / 60.0
+                wanted_rev_per_min.min(max_rev_per_min)
             }
         }
     }

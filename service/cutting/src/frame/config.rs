@@ -78,7 +78,10 @@ impl PipelineConfig {
     }
 
     fn equipped(&self, interpreter: Interpreter) -> Interpreter {
-        interpreter.with_tools(self.tool_offsets()).with_programs(self.programs.clone())
+        interpreter
+            .with_tools(self.tool_offsets())
+            .with_spindle_limit(self.profile.machine.max_spindle_rev_per_min)
+            .with_programs(self.programs.clone())
     }
 
     /// The profile's settings of the vibration as this run has them.

@@ -45,7 +45,7 @@ crate::finding_codes! {
         meaning: "a speed mode or clamp without its S word: an error where no speed is known, a warning where the \
               present one stays",
         cause: "`G96` has no surface speed, `G50` or `G92` no clamp; or `G97` without S goes on at the speed of the \
-              present radius.",
+              present radius, which the program's clamp and the machine's limit bound.",
         cure: "Add S to the block.",
         example: lathe("G96 M3"),
     }

@@ -37,6 +37,8 @@ pub(super) struct Execution<'a> {
     pub(super) settings: &'a LanguageSettings,
     pub(super) table: &'a CodeTable,
     pub(super) tools: &'a [ToolOffset],
+    /// Highest speed of the machine's spindle, rev/min.
+    pub(super) spindle_limit_rev_per_min: f64,
     pub(super) state: &'a mut InterpreterState,
     pub(super) block: &'a Block,
     pub(super) operations: &'a mut Vec<Operation>,

@@ -111,9 +111,9 @@ impl Execution<'_> {
         }
     }
 
-    /// `G97` without `S` goes on at the speed the spindle has at the present radius.
+    /// `G97` without `S` goes on at the speed the spindle has at the present radius, clamped by the program and the machine.
     fn keep_present_speed(&mut self, span: SourceSpan) {
-        let rev_per_min = self.state.spindle().rev_per_s(self.state.position[0]) * 60.0;
+        let rev_per_min = self.state.spindle().rev_per_min(self.state.position[0]).min(self.spindle_limit_rev_per_min);
         if !rev_per_min.is_finite() {
             return self.speed_missing(span, "constant speed has no S word, and the present speed is unlimited at X0");
         }

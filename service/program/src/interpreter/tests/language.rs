@@ -255,6 +255,14 @@ fn spindle() {
     );
     check(
         &lathe(),
+        "G50 S2000\nG0 X10.\nG96 S100 M3\nG97",
+        "rapid 0 -> X5
+         spindle cw 100 m/min max 2000
+         spindle cw 2000
+         w 4:1+3 PRG-SPEED-MISSING",
+    );
+    check(
+        &lathe(),
         "S-5\nG50\nG50 S0\nG96",
         "! 1:1+3 PRG-SPEED-INVALID
          ! 2:1+3 PRG-SPEED-MISSING
