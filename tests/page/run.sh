@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Opens every screen of the page in a real browser, against a real service with a live run on a simulated machine: what is shown
 # is what the service says, nothing is asked of another host, nothing that a keyboard or a screen reader lacks. The documents of the MTConnect
-# agent are held against the schemas of the standard at the same time, and read by a client of the standard from PyPI.
+# agent are held against the schemas of the standard at the same time, and read by a client of the standard from PyPI. The extension of VS Code,
+# for which npm is needed as well, is checked and packed before (.ci/extension).
 #
 #   tests/page/run.sh [BINARY]     default: the release build
 #
@@ -20,6 +21,8 @@ missing() {
     echo "the page cannot be looked at: $1" >&2
     exit 1
 }
+
+"$root/.ci/extension"
 
 binary=${1:-}
 if [[ -z $binary ]]; then
