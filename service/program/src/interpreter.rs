@@ -195,6 +195,12 @@ impl Interpreter {
         self.indexing.as_ref().map_or(self.state.place, |indexing| indexing.place())
     }
 
+    /// Where the line is that is carried out next; `None` while a program is read for what a jump leads to.
+    #[must_use]
+    pub const fn executes_at(&self) -> Option<Place> {
+        if self.indexing.is_none() { Some(self.state.place) } else { None }
+    }
+
     /// How the program is read.
     #[must_use]
     pub const fn settings(&self) -> &LanguageSettings {

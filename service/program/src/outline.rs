@@ -1,6 +1,7 @@
 //! What is where in a program, for editors: programs, labels, loops, and what calls and jumps mean. Nothing is executed,
 //! so a program with errors has an outline as well.
 
+use self::framing::Framing;
 use crate::dialect::{CodeTable, Flow, Letter, Meaning};
 use crate::interpreter::{Statement, called_program, classify, digits, find_line_end, name};
 use crate::lexer::{Lexer, Token, TokenKind};
@@ -8,6 +9,7 @@ use crate::number::Number;
 use crate::state::TurningCycle;
 use crate::{Function, LanguageSettings, SourceSpan};
 
+mod framing;
 #[cfg(test)]
 mod tests;
 
@@ -69,11 +71,23 @@ pub struct Outline {
     programs: Vec<(u32, u32)>,
     /// Subprograms by name, with their lines.
     subprograms: Vec<(String, u32)>,
+    /// How the file begins and ends.
+    framing: Framing,
     /// Lines, empty ones included.
     pub lines: u32,
 }
 
 impl Outline {
+    /// The numbers of its programs, in their order.
+    pub fn program_numbers(&self) -> impl Iterator<Item = u32> {
+        self.programs.iter().map(|(number, _)| *number)
+    }
+
+    /// The names of its subprograms in the O-word language, as they are written, in their order.
+    pub fn subprogram_names(&self) -> impl Iterator<Item = &str> {
+        self.subprograms.iter().map(|(name, _)| name.as_str())
+    }
+
     /// Reads a program. Lines are counted as the interpreter counts them; more than a quarter million of one kind are left
     /// out.
     #[must_use]
@@ -159,12 +173,15 @@ impl OutlineReading {
             self.outline.programs.push((number, line));
             self.begin(StretchKind::Program, format!("O{number}"), line);
         }
+        let frames = matches!(found.statement, Some((Statement::Sub | Statement::EndSub, _)));
         if let Some((what, name)) = found.statement {
             self.statement(what, name, line);
         }
         if may_have_codes(text) {
             self.functions(text, line);
         }
+        let is_within = frames || self.open.iter().any(|(what, ..)| *what == Statement::Sub);
+        self.outline.framing.read(text, is_within, &self.vocabulary);
         self.comment(text, line);
     }
 

@@ -192,10 +192,23 @@ pub(super) fn spindle_text(spindle: &ActionSpindle) -> String {
     }
 }
 
+/// The letters of the axes, in the order of [`values`].
+const LETTERS: &str = "xyzabcuvw";
+
+const fn values(at: &AxisPosition) -> [f64; 9] {
+    [at.x, at.y, at.z, at.a, at.b, at.c, at.u, at.v, at.w]
+}
+
+/// Those of some axes that are at the same place in both positions.
+pub(super) fn axes_in_common([one, other]: &[AxisPosition; 2], axes: &str) -> String {
+    let places = LETTERS.chars().zip(values(one)).zip(values(other));
+    let shown = places.filter(|((letter, one), other)| one == other && axes.contains(*letter));
+    shown.map(|((letter, at), _)| format!("{letter}{}", number(at))).collect::<Vec<_>>().join(" ")
+}
+
 /// X, Y and Z of the end, and the other axes where they move or are away from 0.
 pub(super) fn axes(end: &AxisPosition, start: &AxisPosition) -> String {
-    let values = |at: &AxisPosition| [at.x, at.y, at.z, at.a, at.b, at.c, at.u, at.v, at.w];
-    let places = "xyzabcuvw".chars().zip(values(end)).zip(values(start)).enumerate();
+    let places = LETTERS.chars().zip(values(end)).zip(values(start)).enumerate();
     let shown = places.filter(|(index, ((_, end), start))| *index < 3 || *end != 0.0 || *start != 0.0);
     let shown: Vec<_> = shown.map(|(_, ((letter, end), _))| format!("{letter}{}", number(end))).collect();
     shown.join(" ")

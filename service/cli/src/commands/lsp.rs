@@ -4,8 +4,10 @@
 //! A document is judged as a whole in every version, and given up as soon as a newer one comes. Sizes and counts are bounded.
 
 mod answers;
+mod callers;
 mod document;
 mod hover;
+mod input;
 mod judge;
 mod places;
 mod server;

@@ -1,5 +1,7 @@
 //! `feedwave lsp` as an editor has it: messages on standard input and output.
 
+mod called;
+
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
@@ -186,11 +188,15 @@ fn a_document_whose_uri_has_a_bare_per_cent_sign_is_judged_under_its_name() {
     session.end();
 }
 
-/// Every message of a session in its order, as the file has it. What a server answers is written anew with
-/// `FEEDWAVE_WRITE_DOCS=1`, and is to be read then.
 #[test]
 fn a_session_is_as_it_was() {
-    let path = fixture("lsp-session.jsonl");
+    follow("lsp-session.jsonl");
+}
+
+/// Every message of a session in its order, as the file has it. What a server answers is written anew with
+/// `FEEDWAVE_WRITE_DOCS=1`, and is to be read then.
+fn follow(name: &str) {
+    let path = fixture(name);
     let lines: Vec<Value> =
         fs::read_to_string(&path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let mut session = Session::start();

@@ -137,3 +137,30 @@ fn files_are_named_after_programs() {
     }
     assert!(!is_file_of_program("O10001.nc", "1000"));
 }
+
+#[test]
+fn what_returns_and_ends_no_program_is_called() {
+    let (mill, linuxcnc) = (mill(), linuxcnc());
+    for (program, settings, called) in [
+        ("%\nO9001 (DRILL)\nG1 X41 Y30\nM99\n%", &mill, true),
+        ("G1 X41 Y30\nX2 Z99\nN99 M99", &mill, true),
+        ("G1 X41 Y30\nX2 Z99", &mill, false),
+        ("O1\nM98 P2\nM30\nO2\nG1 X1\nM99", &mill, false),
+        ("O1\nG1 X1\nM30", &mill, false),
+        ("O1\nG1 X1\n(M99)", &mill, false),
+        (
+            "(holes)\no<holes> sub\n o1 if [#1 GT 0]\n  o<hole> call\n o1 endif\n G1 X#1\no<holes> endsub\n",
+            &linuxcnc,
+            true,
+        ),
+        ("o100 sub\nG1 X1\no100 endsub\nM2", &linuxcnc, true),
+        ("o100 sub\nG1 X1\no100 endsub\no100 call\nM2", &linuxcnc, false),
+        ("o100 sub\nG1 X1\no100 endsub\nG0 X5\n", &linuxcnc, false),
+        ("G1 X1\nM2", &linuxcnc, false),
+    ] {
+        assert_eq!(Outline::read(program.as_bytes(), settings).is_called(), called, "{program}");
+    }
+    let outline = Outline::read(b"O1 (BAR)\nT0101 S1200 M3\nG1 X1\nM99", &mill);
+    assert!(outline.is_called() && outline.prepares_cutting());
+    assert!(!Outline::read(b"O1\nT0101 S#1 M3\nM99", &mill).prepares_cutting());
+}

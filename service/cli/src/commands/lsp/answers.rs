@@ -14,6 +14,7 @@ use lsp_types::{
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::callers::Callers;
 use super::document::Document;
 use super::judge::Judgement;
 use super::places::{self, Files};
@@ -112,7 +113,13 @@ fn hover_at(question: &Question) -> Answer {
     }
     let mut setup = setup(question)?;
     let judged = question.judged.as_deref();
-    let text = hover::text(&question.document, &mut setup, judged, position.line, &question.withdrawn);
+    let path = places::path(&question.uri);
+    let text = match Callers::of(&question.document, path.as_deref(), &setup) {
+        Some(callers) => {
+            hover::text_of_called(&callers, &question.document, &mut setup, position.line, &question.withdrawn)
+        }
+        None => hover::text(&question.document, &mut setup, judged, position.line, &question.withdrawn),
+    };
     Ok(to_value(text.map(|value| Hover {
         contents: HoverContents::Markup(MarkupContent { kind: MarkupKind::Markdown, value }),
         range: Some(question.document.line_range(position.line)),

@@ -31,6 +31,11 @@ impl Document {
         self.starts.len()
     }
 
+    /// The line, counted from 0, that a byte belongs to.
+    pub(super) fn line_at(&self, offset: usize) -> usize {
+        self.starts.partition_point(|start| *start <= offset).saturating_sub(1)
+    }
+
     /// A line, counted from 0, without its end; empty behind the last one.
     pub(super) fn line(&self, line: usize) -> &str {
         let Some(&start) = self.starts.get(line) else { return "" };
@@ -204,7 +209,7 @@ mod tests {
             prop_assert_eq!(&document, &Document::new(2, expected.clone()));
             // Every character's place there and back.
             for (offset, _) in expected.char_indices() {
-                let line = document.starts.partition_point(|start| *start <= offset) - 1;
+                let line = document.line_at(offset);
                 let column = offset - document.starts[line];
                 if column <= document.line(line).len() {
                     let place = at(line as u32, utf16_units(document.line(line), column));

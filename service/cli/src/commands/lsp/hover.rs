@@ -6,9 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use feedwave_contract::convert::action_to_proto;
 use feedwave_contract::proto::{Action, ActionFeed, ActionSpindle};
-use feedwave_cutting::{Interpretation, InterpretationStep};
+use feedwave_cutting::{Interpretation, InterpretationStep, PipelineConfig};
 
+use super::callers::{Callers, OWN_PROGRAM};
 use super::document::Document;
+use super::input::Input;
 use super::judge::Judgement;
 use super::setup::Setup;
 use crate::commands::interpret;
@@ -30,19 +32,9 @@ pub(super) fn text(
     line: u32,
     withdrawn: &AtomicBool,
 ) -> Option<String> {
-    let found = find(document, setup, line + 1, withdrawn)?;
-    let mut text = String::new();
-    if !found.actions.is_empty() {
-        text.push_str("```text\n");
-        for action in found.actions.iter().take(MAX_SHOWN) {
-            let _ = writeln!(text, "{}", interpret::text(action).trim_start());
-        }
-        text.push_str("```\n");
-        let more = found.count.saturating_sub(MAX_SHOWN);
-        if more > 0 {
-            let _ = writeln!(text, "and {more}{} further actions\n", if found.is_cut { " or more" } else { "" });
-        }
-    }
+    let input = Input::of_main(document.text(), &mut setup.further);
+    let found = find(input, &setup.config, 0, line + 1, withdrawn)?;
+    let mut text = found.actions_text();
     text.push_str(&found.state.text(line + 1));
     let time = judged.filter(|judged| judged.version == document.version).and_then(|judged| {
         let time = judged.times.get(line as usize).filter(|time| time.takes_s > 0.0)?;
@@ -50,6 +42,38 @@ pub(super) fn text(
         Some(format!("- time: from {start} s, takes {takes} s, until {end} s\n"))
     });
     text.push_str(&time.unwrap_or_default());
+    (!text.is_empty()).then_some(text)
+}
+
+/// The same of a program that others call: what it does whatever calls it, and what is in force then.
+pub(super) fn text_of_called(
+    callers: &Callers,
+    document: &Document,
+    setup: &mut Setup,
+    line: u32,
+    withdrawn: &AtomicBool,
+) -> Option<String> {
+    let [one, other] = [0, 1].map(|caller| {
+        let input = callers.inputs(document, &mut setup.further, caller);
+        let mut found = find(input, &callers.config, OWN_PROGRAM, line + 1, withdrawn)?;
+        let own = &callers.config.programs[OWN_PROGRAM as usize - 1];
+        let motion = found.state.motion.iter_mut();
+        found.actions.iter_mut().chain(motion).filter(|action| action.file == *own).for_each(|it| it.file.clear());
+        Some(found)
+    });
+    let (one, other) = (one?, other?);
+    // Behind an error nothing is carried out, and so nothing is known.
+    if one.is_broken || other.is_broken {
+        return None;
+    }
+    let actions = Some(one.actions_text()).filter(|text| *text == other.actions_text());
+    let depends = actions.is_none() || one.count > 0;
+    let mut text = actions.unwrap_or_default();
+    let axes = callers.config.profile.machine.axes.iter().map(|axis| axis.axis.letter().to_ascii_lowercase());
+    text.push_str(&one.state.text_in_common(&other.state, line + 1, &axes.collect::<String>()));
+    if depends {
+        text.push_str("- all else depends on the program that calls this one\n");
+    }
     (!text.is_empty()).then_some(text)
 }
 
@@ -79,15 +103,35 @@ impl State {
         }
     }
 
+    /// What is the same in both, as Markdown, for a line counted from 1 and a machine with these axes.
+    fn text_in_common(&self, other: &Self, line: u32, axes: &str) -> String {
+        let mut text = String::new();
+        if let (Some(motion), Some(also)) = (&self.motion, &other.motion) {
+            let ends = [motion, also].map(|motion| motion.end.unwrap_or_default());
+            let axes = interpret::axes_in_common(&ends, axes);
+            if !axes.is_empty() {
+                let is_same = (&motion.file, motion.line) == (&also.file, also.line);
+                let since = if is_same { since(motion, line) } else { String::new() };
+                let _ = writeln!(text, "- position{since}: {axes} mm, X a radius");
+            }
+        }
+        if let Some(feed) = self.feed.as_ref().filter(|feed| Some(*feed) == other.feed.as_ref()) {
+            let _ = writeln!(text, "- feed: {}", interpret::feed_text(feed));
+        }
+        if let Some(spindle) = self.spindle.as_ref().filter(|spindle| Some(*spindle) == other.spindle.as_ref()) {
+            let _ = writeln!(text, "- spindle: {}", interpret::spindle_text(spindle));
+        }
+        if self.tool > 0 && self.tool == other.tool {
+            let _ = writeln!(text, "- tool: T{}", self.tool);
+        }
+        text
+    }
+
     /// As Markdown, for a line counted from 1.
     fn text(&self, line: u32) -> String {
         let mut text = String::new();
         if let Some(motion) = &self.motion {
-            let place = match (motion.file.as_str(), motion.line) {
-                ("", own) if own == line => String::new(),
-                ("", other) => format!(" (since line {other})"),
-                (file, other) => format!(" (since line {other} of {file})"),
-            };
+            let place = since(motion, line);
             let end = motion.end.unwrap_or_default();
             let _ = writeln!(text, "- position{place}: {} mm, X a radius", interpret::axes(&end, &end));
             if let (Some(machine), Some(offset)) = (&motion.machine_end, &motion.offset) {
@@ -108,6 +152,15 @@ impl State {
     }
 }
 
+/// Where a position comes from, when that is not the line itself.
+fn since(motion: &Action, line: u32) -> String {
+    match (motion.file.as_str(), motion.line) {
+        ("", own) if own == line => String::new(),
+        ("", other) => format!(" (since line {other})"),
+        (file, other) => format!(" (since line {other} of {file})"),
+    }
+}
+
 /// What was found of a line.
 #[derive(Default)]
 struct Found {
@@ -117,13 +170,35 @@ struct Found {
     count: usize,
     /// There are more than are counted.
     is_cut: bool,
+    /// It has none, and the program has an error.
+    is_broken: bool,
     /// What is in force behind it.
     state: State,
 }
 
-/// Reads the program up to the first run of a line, counted from 1.
-fn find(document: &Document, setup: &mut Setup, line: u32, withdrawn: &AtomicBool) -> Option<Found> {
-    let mut interpretation = Interpretation::new(&setup.config);
+impl Found {
+    /// The actions as Markdown.
+    fn actions_text(&self) -> String {
+        let mut text = String::new();
+        if self.actions.is_empty() {
+            return text;
+        }
+        text.push_str("```text\n");
+        for action in self.actions.iter().take(MAX_SHOWN) {
+            let _ = writeln!(text, "{}", interpret::text(action).trim_start());
+        }
+        text.push_str("```\n");
+        let more = self.count.saturating_sub(MAX_SHOWN);
+        if more > 0 {
+            let _ = writeln!(text, "and {more}{} further actions\n", if self.is_cut { " or more" } else { "" });
+        }
+        text
+    }
+}
+
+/// Reads a program up to the first run of a line, counted from 1, of its program `own`.
+fn find(mut input: Input<'_>, config: &PipelineConfig, own: u32, line: u32, withdrawn: &AtomicBool) -> Option<Found> {
+    let mut interpretation = Interpretation::new(config);
     let mut found = Found::default();
     // Of a line without actions: what is in force before the first run of the nearest line behind it that has some.
     let mut behind: Option<(u32, State)> = None;
@@ -131,14 +206,14 @@ fn find(document: &Document, setup: &mut Setup, line: u32, withdrawn: &AtomicBoo
         if withdrawn.load(Ordering::Relaxed) {
             return None;
         }
-        let step = interpretation.step();
+        let step = input.step(&mut interpretation);
         for operation in interpretation.take_operations() {
-            let own_line = Some(operation.span.line).filter(|_| operation.span.program == 0);
+            let own_line = Some(operation.span.line).filter(|_| operation.span.program == own);
             let is_here = own_line == Some(line);
             if !is_here && found.count > 0 {
                 return Some(found);
             }
-            let action = action_to_proto(&operation, &setup.config.programs);
+            let action = action_to_proto(&operation, &config.programs);
             if is_here {
                 found.count += 1;
                 if found.actions.len() < MAX_SHOWN {
@@ -155,19 +230,11 @@ fn find(document: &Document, setup: &mut Setup, line: u32, withdrawn: &AtomicBoo
             }
             found.state.follow(&action);
         }
-        match step {
-            InterpretationStep::More => {}
-            InterpretationStep::Ended => break,
-            InterpretationStep::NeedInput(place) if place.program == 0 => {
-                interpretation.supply(place, document.text().as_bytes());
-            }
-            InterpretationStep::NeedInput(place) => match setup.further.read(place) {
-                Ok([]) => interpretation.finish_input(),
-                Ok(piece) => interpretation.push(piece),
-                Err(_) => break,
-            },
+        if matches!(step, None | Some(InterpretationStep::Ended)) {
+            break;
         }
     }
+    found.is_broken = found.count == 0 && interpretation.findings().has_errors();
     if let Some((_, state)) = behind.filter(|_| found.count == 0) {
         found.state = state;
     }

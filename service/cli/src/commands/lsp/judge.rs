@@ -1,11 +1,14 @@
-//! Judging a version of a document as `feedwave validate` does, until it is superseded: findings, and when which line runs.
+//! Judging a version of a document as `feedwave validate` does, until it is superseded: findings, and when which line runs. What other
+//! programs call is judged for what holds whatever calls it.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use feedwave_contract::convert::report_to_proto;
 use feedwave_contract::proto::Finding;
 use feedwave_cutting::{SetpointBlock, Step, Validation};
 
+use super::callers::Callers;
 use super::document::Document;
 use super::setup::Setup;
 
@@ -21,7 +24,7 @@ pub(super) struct Judgement {
     pub(super) version: i32,
     /// Everything found, in the order of the source.
     pub(super) findings: Vec<Finding>,
-    /// By line, counted from 0; empty where the program has errors, was not judged to its end, or runs lines of other files.
+    /// By line, counted from 0; empty where the program has errors, was not judged to its end, runs lines of other files, or is called.
     pub(super) times: Vec<LineTime>,
     /// Whole machining time, s; absent as the times are.
     pub(super) duration_s: Option<f64>,
@@ -40,9 +43,20 @@ pub(super) struct LineTime {
     pub(super) takes_s: f64,
 }
 
-/// Judges a document; `None` once it is superseded.
-pub(super) fn judge(document: &Document, setup: &mut Setup, superseded: &AtomicBool) -> Option<Judgement> {
+/// Judges a document that is at `path`; `None` once it is superseded.
+pub(super) fn judge(
+    document: &Document,
+    path: Option<&Path>,
+    setup: &mut Setup,
+    superseded: &AtomicBool,
+) -> Option<Judgement> {
     let version = document.version;
+    if let Some(callers) = Callers::of(document, path, setup) {
+        return Some(match callers.judge(document, &mut setup.further, superseded) {
+            Ok(findings) => Judgement { version, findings: findings?, ..Judgement::default() },
+            Err(error) => Judgement { version, problem: Some(error.message), ..Judgement::default() },
+        });
+    }
     let mut validation = Validation::new(setup.config.clone());
     let mut clock = LineClock::new(document.line_count(), setup.config.period_s());
     let mut runs_other_files = false;

@@ -140,7 +140,8 @@ fn judge_all(tasks: &Receiver<Task>, events: &SyncSender<Event>) {
             continue;
         }
         let judging = AssertUnwindSafe(|| {
-            let mut setup = match Setup::read(places::path(&uri).as_deref(), &settings) {
+            let path = places::path(&uri);
+            let mut setup = match Setup::read(path.as_deref(), &settings) {
                 Ok(setup) => setup,
                 Err(reason) => {
                     let problem = Some(format!("not judged, as its machine is not known: {reason}"));
@@ -149,7 +150,7 @@ fn judge_all(tasks: &Receiver<Task>, events: &SyncSender<Event>) {
                     return Some((judged, shown));
                 }
             };
-            let judged = judge::judge(&document, &mut setup, &superseded)?;
+            let judged = judge::judge(&document, path.as_deref(), &mut setup, &superseded)?;
             let shown = places::diagnostics(&judged, &mut Files::new(&uri, &document, Some(&setup)));
             Some((judged, shown))
         });
