@@ -2,6 +2,7 @@
 
 import asyncio
 import inspect
+import json
 import math
 import os
 import subprocess
@@ -361,6 +362,31 @@ def test_arguments_that_contradict_each_other_are_refused(tmp_path):
     profile.write_text('[machine]\nkid = "MACHINE_KIND_MILL"\n')
     with pytest.raises(feedwave.SourceError, match="mill.toml"):
         feedwave.load_profile(profile)
+
+
+def test_a_profile_is_completed_from_the_generic_machine(client, tmp_path):
+    mill = client.profile("mill")
+    path = tmp_path / "mill.toml"
+    path.write_text('max_feed_override = 1.3\n[machine]\nmax_spindle_rev_per_min = 9000\n')
+    assert not feedwave.load_profile(path).machine.axes
+    profile = feedwave.load_profile(path, generic=mill)
+    assert list(profile.machine.axes) == list(mill.machine.axes) and profile.machine.kind == mill.machine.kind
+    assert (profile.machine.max_spindle_rev_per_min, profile.max_feed_override) == (9000.0, 1.3)
+    # Nothing of the generic machine is taken twice.
+    for fixture in ("five-axis-mill", "oscillation-mill", "oscillation-head", "five-axis-fitted"):
+        profile = feedwave.load_profile(FIXTURES / f"{fixture}.toml", generic=mill)
+        names = [axis.axis for axis in profile.machine.axes]
+        assert len(names) == len(set(names)) >= 3 and client.validate(SLOT, machine=profile).ok
+    (tmp_path / "stored.json").write_text(json.dumps({"name": "machines/a", "profile": {"machine": {"maxSpindleRevPerMin": 5.0}}}))
+    assert feedwave.load_profile(tmp_path / "stored.json", generic=mill).machine.max_spindle_rev_per_min == 5.0
+    for text, reason in [("[machine]\nkind = 'MACHINE_KIND_LATHE'\n", "kind is LATHE"), ("machine = 3\n", "machine")]:
+        path.write_text(text)
+        with pytest.raises(feedwave.SourceError, match=reason) as refused:
+            feedwave.load_profile(path, generic=mill)
+        assert str(refused.value).count("mill.toml") == 1
+    (tmp_path / "list.json").write_text("[1]")
+    with pytest.raises(feedwave.SourceError, match="list.json: the fields"):
+        feedwave.load_profile(tmp_path / "list.json")
 
 
 def test_pictures_are_drawn(client, slot, tmp_path):

@@ -57,4 +57,20 @@ def test_an_environment_with_nothing_else_is_enough(server, folder):
     assert done.returncode == 0 and "Ended(state='FINISHED'" in done.stdout, done.stderr
     # What pictures need is said where it is missing.
     done = run(server, folder, python, "plan.py")
-    assert done.returncode != 0 and "pip install feedwave[plot]" in done.stderr, done.stderr
+    assert done.returncode != 0 and "pip install 'feedwave[plot]'" in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("call", "package", "extra"),
+    [("to_pandas()", "pandas", "pandas"), ("to_polars()", "polars", "polars"), ("to_arrow()", "pyarrow", "arrow"), ("plot", "matplotlib", "plot")],
+)
+def test_what_an_extra_installs_is_said_where_it_is_missing(call, package, extra):
+    script = (
+        "import numpy as np, feedwave, feedwave.plot\n"
+        "layout = feedwave.setpoints.Layout(('X_mm', 'Y_mm', 'feed_mm_per_min'), {}, ('X_mm', 'Y_mm'), 1000.0, 2, 'MACHINE')\n"
+        "setpoints = feedwave.Setpoints(layout, 0, {name: np.ones(2) for name in layout.names}, np.ones(2, np.uint32))\n"
+    )
+    script += "feedwave.plot.path(setpoints)" if call == "plot" else f"setpoints.{call}"
+    done = subprocess.run([os.environ["FEEDWAVE_FRESH_PYTHON"], "-c", script], capture_output=True, text=True, timeout=60)
+    said = done.stderr.splitlines()[-1]
+    assert said.startswith("ImportError: ") and f"need {package}: pip install 'feedwave[{extra}]'" in said, done.stderr

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias, TypedDict, TypeVar
 from google.protobuf import json_format
 from google.protobuf.message import Message
 
-from ._names import listed, resource, whole
+from ._names import listed, resource, value_name, whole
 from .errors import SourceError
 from .program import Program, ProgramSource
 from .setpoints import Override
@@ -182,19 +182,44 @@ def message_of(kind: type[M], given: M | Mapping[str, Any]) -> M:
         raise SourceError(f"{kind.DESCRIPTOR.name}: {error}") from error
 
 
-def load_profile(path: str | os.PathLike[str]) -> machines_pb2.MachineProfile:
+def load_profile(path: str | os.PathLike[str], *, generic: machines_pb2.MachineProfile | None = None) -> machines_pb2.MachineProfile:
     """The machine profile of a TOML or JSON file, with the names and units of the contract.
 
-    The axes and the spindle must be in it: only the commands fill them in from the generic machine.
+    Args:
+        path: the file: a profile, or a machine as `feedwave machine get` writes it, of which the profile is taken.
+        generic: a machine from which what the file leaves out of kind, axes and spindle speed is taken, as the commands do it: that of
+            `client.profile("mill")` or `feedwave.local.profile("mill")`. Without it the file has to state them.
 
     Raises:
-        SourceError: for a file that is no profile, with the place and the reason.
+        SourceError: for a file that is no profile, or of another kind of machine than `generic`, with the place and the reason.
+        OSError: where the file cannot be read.
     """
     place = pathlib.Path(path)
     try:
         data = json.loads(place.read_text()) if place.suffix == ".json" else tomllib.loads(place.read_text())
+        if not isinstance(data, Mapping):
+            raise ValueError(f"the fields of a MachineProfile are wanted, not {data!r:.80}")
         # What `machine get` writes has the profile in it.
-        profile: Mapping[str, Any] = data.get("profile", data)
-        return message_of(machines_pb2.MachineProfile, profile)
+        given: Mapping[str, Any] = data.get("profile", data)
+        profile = message_of(machines_pb2.MachineProfile, given)
+        if generic is not None:
+            _complete(profile.machine, given.get("machine", {}), generic.machine)
     except ValueError as error:
         raise SourceError(f"{place}: {error}") from error
+    return profile
+
+
+def _complete(model: machines_pb2.MachineModel, stated: Mapping[str, Any], generic: machines_pb2.MachineModel) -> None:
+    """Fills in what a file leaves out of its machine.
+
+    Raises:
+        ValueError: where the file is of another kind of machine.
+    """
+    if "kind" in stated and model.kind != generic.kind:
+        kinds = (value_name(machines_pb2.MachineKind, one.kind) for one in (model, generic))
+        raise ValueError("machine.kind is {}, and that of the generic machine {}".format(*kinds))
+    model.kind = generic.kind
+    if "axes" not in stated:
+        model.axes.extend(generic.axes)
+    if not {"max_spindle_rev_per_min", "maxSpindleRevPerMin"} & stated.keys():
+        model.max_spindle_rev_per_min = generic.max_spindle_rev_per_min

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._extras import extra
 from .errors import SourceError
 from .events import Decision
 from .setpoints import Floats, Setpoints
@@ -47,12 +48,13 @@ class Picture:
 
 
 def _figure(width: float, height: float) -> Figure:
-    try:
-        # Without pyplot: no figure of its own is kept behind the caller's back.
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("pictures are drawn by matplotlib: pip install feedwave[plot]") from error
-    return Figure(figsize=(width, height), layout="constrained")
+    # Without pyplot: no figure of its own is kept behind the caller's back.
+    figure: Figure = _matplotlib("figure").Figure(figsize=(width, height), layout="constrained")
+    return figure
+
+
+def _matplotlib(module: str) -> Any:
+    return extra(f"matplotlib.{module}", "plot", "pictures")
 
 
 def _panel(figure: Figure, place: tuple[int, int, int], title: str, x: str, y: str) -> Axes:
@@ -74,13 +76,11 @@ def path(setpoints: Setpoints) -> Picture:
     pair = next((pair for pair in reversed(pairs) if all(name in setpoints for name in pair)), None)
     if pair is None or "feed_mm_per_min" not in setpoints:
         raise SourceError(f"a path needs Z and X, or X and Y, and the feed: there are {', '.join(setpoints)}")
-    from matplotlib.collections import LineCollection
-
     across, up = (setpoints[name] for name in pair)
     figure = _figure(8, 5)
     axes = _panel(figure, (1, 1, 1), "path", f"{pair[0][0]}, mm", f"{pair[1][0]}, mm")
     points = np.column_stack([across, up])
-    lines = LineCollection(np.stack([points[:-1], points[1:]], axis=1).tolist(), cmap="viridis", linewidths=1.5)
+    lines = _matplotlib("collections").LineCollection(np.stack([points[:-1], points[1:]], axis=1).tolist(), cmap="viridis", linewidths=1.5)
     feeds = setpoints["feed_mm_per_min"][1:]
     lines.set_array(feeds)
     _, highest = _legible(feeds)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ._extras import extra
 from ._names import listed, value_name
 from .errors import ContractError, SourceError
 from .v1 import feed_override_pb2, setpoints_pb2
@@ -184,7 +184,7 @@ class Setpoints(Mapping[str, npt.NDArray[Any]]):
         Raises:
             ImportError: without pandas (`pip install feedwave[pandas]`).
         """
-        frame: pandas.DataFrame = importlib.import_module("pandas").DataFrame(dict(self)).set_index(INDEX)
+        frame: pandas.DataFrame = extra("pandas", "pandas", "data frames of pandas").DataFrame(dict(self)).set_index(INDEX)
         frame.attrs["units"] = self.units
         return frame
 
@@ -194,7 +194,7 @@ class Setpoints(Mapping[str, npt.NDArray[Any]]):
         Raises:
             ImportError: without polars (`pip install feedwave[polars]`).
         """
-        frame: polars.DataFrame = importlib.import_module("polars").DataFrame(dict(self))
+        frame: polars.DataFrame = extra("polars", "polars", "data frames of polars").DataFrame(dict(self))
         return frame
 
     def to_arrow(self) -> pyarrow.Table:
@@ -203,7 +203,7 @@ class Setpoints(Mapping[str, npt.NDArray[Any]]):
         Raises:
             ImportError: without pyarrow (`pip install feedwave[arrow]`).
         """
-        arrow: Any = importlib.import_module("pyarrow")
+        arrow: Any = extra("pyarrow", "arrow", "Arrow tables")
         units = self.units
         fields = [arrow.field(name, arrow.from_numpy_dtype(self[name].dtype), metadata={"unit": units[name]}) for name in self]
         schema = arrow.schema(fields, metadata={f"unit:{name}": unit for name, unit in units.items() if unit})
