@@ -55,7 +55,11 @@ mkdir -p "$scratch/scripts"
 # Nothing but the package without the extension, and what it needs.
 python3 -m venv --clear "$scratch/fresh"
 "$scratch/fresh/bin/pip" install --quiet "${pure[0]}"
+# The one with it, in an environment of its own.
+python3 -m venv --clear "$scratch/fresh-native"
+"$scratch/fresh-native/bin/pip" install --quiet "${wheel[0]}"
 
 # A test that hangs ends the run, and says where it hung.
-FEEDWAVE_BINARY=$(realpath "$binary") FEEDWAVE_FRESH_PYTHON=$scratch/fresh/bin/python MPLCONFIGDIR=$scratch/matplotlib \
+FEEDWAVE_BINARY=$(realpath "$binary") FEEDWAVE_FRESH_PYTHON=$scratch/fresh/bin/python \
+    FEEDWAVE_FRESH_NATIVE_PYTHON=$scratch/fresh-native/bin/python MPLCONFIGDIR=$scratch/matplotlib \
     timeout --foreground 600 "$scratch/venv/bin/python" -m pytest -p no:cacheprovider -o faulthandler_timeout=300 -q "$here"

@@ -166,6 +166,22 @@ def test_memory_does_not_grow_with_the_program(tmp_path):
     assert count * 7 * 8 > 4 * 1024 * (peaks[1] - peaks[0]), (count, peaks)
 
 
+def test_the_wheel_with_the_native_part_needs_nothing_else():
+    script = (
+        "import hashlib, sys, feedwave.local\n"
+        "plan = feedwave.local.plan(sys.argv[1], machine='lathe')\n"
+        "print(hashlib.sha256(plan.report.proto.SerializeToString(deterministic=True)).hexdigest())\n"
+        "print(hashlib.sha256(b''.join(column.tobytes() for column in plan.setpoints().values())).hexdigest())\n"
+        "print('matplotlib' in sys.modules, feedwave.local.__file__)\n"
+    )
+    python = os.environ["FEEDWAVE_FRESH_NATIVE_PYTHON"]
+    told = [
+        subprocess.run([one, "-c", script, CURED], capture_output=True, text=True, check=True, timeout=120).stdout.split() for one in (python, sys.executable)
+    ]
+    assert told[0][:3] == told[1][:3] and told[0][2] == "False"
+    assert told[0][3].startswith(os.path.dirname(os.path.dirname(python))), "it is not the one that was installed there"
+
+
 def test_a_package_without_the_native_part_says_so():
     python = os.environ["FEEDWAVE_FRESH_PYTHON"]
     done = subprocess.run([python, "-c", "import feedwave; import feedwave.local"], capture_output=True, text=True, cwd=ROOT / "tests", timeout=60)
