@@ -1,6 +1,7 @@
 """The local mode: the same reports and the same setpoints as of the service, to the last bit, and refusals in its terms."""
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -28,6 +29,135 @@ def message_of(report):
 @pytest.mark.parametrize(("path", "kind"), PROGRAMS, ids=lambda value: getattr(value, "name", value))
 def test_a_report_is_that_of_the_service(client, path, kind):
     assert message_of(feedwave.local.validate(path, machine=kind)) == message_of(client.validate(path, machine=kind))
+
+
+# One program of each machining function, with its machine, tools and overrides.
+FIVE_AXIS, OSCILLATION = (FIXTURES / name for name in ("five-axis-mill.toml", "oscillation-mill.toml"))
+CUTTER = {
+    "name": "tools/face-mill", "number": 4, "max_spindle_rev_per_min": 2500.0, "length_mm": 68.4,
+    "geometry": {
+        "radius_mm": 60.0, "radial_edge_length_mm": 1.5, "axial_edge_height_mm": 5.0,
+        "edges": [{"angle_deg": angle_deg} for angle_deg in (0.0, 90.0, 180.0, 270.0)],
+    },
+}
+FUNCTIONS = {
+    "path vibration": (CURED, "lathe", [], []),
+    "five-axis thinning": (FIXTURES / "freeform.nc", FIVE_AXIS, [{"name": "tools/ball", "number": 1, "length_mm": 120.0}], []),
+    "tool oscillation": (FIXTURES / "oscillation-mill.nc", OSCILLATION, [CUTTER], []),
+    "adaptive feed": (SLOT, "mill", [], [(0.1, 0.85), (0.25, 0.72), (0.5, 1.2)]),
+    "thread vibration": (FIXTURES / "thread-a.nc", "lathe", [], []),
+}
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_all_of_a_machining_function_is_that_of_the_service(client, function):
+    program, machine, tools, overrides = FUNCTIONS[function]
+    profile = client.profile(machine) if isinstance(machine, str) else feedwave.load_profile(machine, generic=feedwave.local.profile("mill"))
+    stored = function.replace(" ", "-")
+    client.put_machine(stored, profile)
+    for tool in tools:
+        client.put_tool(tool)
+    names = [tool["name"] for tool in tools]
+    job = client.submit(program, machine=stored, tools=names).wait(120)
+    plan = feedwave.local.plan(program, machine=profile, tools=tools)
+    assert plan.ok and message_of(plan.report) == message_of(job.report())
+    for options in ({}, {"overrides": overrides, "frame": "WORK"}):
+        assert plan.setpoints(**options) == job.setpoints(**options)
+    goals = {"margin": 1.2, "max_tolerance_mm": 0.01}
+    improved = feedwave.local.improve(program, machine=profile, tools=tools, goals=goals)
+    told = client.improve(program, machine=stored, tools=names, goals=goals)
+    assert improved.message.SerializeToString(deterministic=True) == told.message.SerializeToString(deterministic=True)
+    assert improved.program.read() == told.program.read() and str(improved) == str(told) and improved.diff() == told.diff()
+
+
+STRANGE = {
+    "empty": b"", "blank": b"\n\n", "no UTF-8": b"G21 (caf\xe9)\nG0 X\xff1\nM30\n", "NUL": b"G0 X1\x00\nM30\n", "a picture": b"\x89PNG\r\n\x1a\n" + bytes(200),
+    "refused": b"G1 X10 F100\nM30\n", "one long line": b"G1 " + b"X1 " * 50_000 + b"\nM30\n", "carriage returns": SLOT.replace("\n", "\r").encode(),
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_strange_programs_are_judged_as_by_the_service(client, name):
+    program = STRANGE[name]
+    here, there = (judge.validate(program, machine="mill") for judge in (feedwave.local, client))
+    assert message_of(here) == message_of(there) and str(here) == str(there)
+    plan = feedwave.local.plan(program, machine="mill")
+    job = client.submit(program, machine="mill").wait(60)
+    assert message_of(plan.report) == message_of(job.report())
+    if plan.ok:
+        assert plan.setpoints() == job.setpoints()
+        return
+    with pytest.raises(feedwave.FailedPrecondition):
+        plan.setpoints()
+    with pytest.raises(feedwave.FailedPrecondition):
+        job.setpoints()
+    improved, told = (judge.improve(program, machine="mill") for judge in (feedwave.local, client))
+    assert improved.message == told.message and improved.program.read() == program
+
+
+def refusal(call):
+    """The type and the data of what a call raises."""
+    with pytest.raises(Exception) as raised:
+        call()
+    error = raised.value
+    if not isinstance(error, feedwave.ServiceError):
+        return type(error), str(error)
+    return type(error), error.code, error.reason, [violation.field for violation in error.violations]
+
+
+def test_refusals_are_of_the_types_of_the_service(client):
+    empty = client.profile("mill")
+    empty.machine.ClearField("axes")
+    for arguments in (
+        {"machine": empty},
+        {"machine": {"machin": {}}},
+        {"machine": 3},
+        {"machine": "mill", "settings": feedwave.Settings(generation_mode="SIDEWAYS")},
+        {"machine": "mill", "settings": feedwave.Settings(interpolation_period_us=-1)},
+        {"machine": "mill", "overrides": [(0.1, 9.0)]},
+        {"machine": "mill", "overrides": [(0.1,)]},
+        {"machine": "mill", "overrides": 3},
+        {"machine": "mill", "files": [SLOT]},
+        {"machine": "mill", "files": {"A.nc": SLOT, "a.nc": SLOT}},
+        {"machine": "mill", "tools": "T1"},
+    ):
+        here, there = (refusal(lambda judge=judge: judge.validate(SLOT, **arguments)) for judge in (feedwave.local, client))
+        assert here == there, arguments
+    for goals in ({"margin": 0.5}, {"min_frequency_hz": 5.0}, {"marge": 1.0}, 3):
+        here, there = (refusal(lambda judge=judge: judge.improve(SLOT, machine="mill", goals=goals)) for judge in (feedwave.local, client))
+        assert here == there, goals
+    for program in ("no.nc", 3, FIXTURES):
+        here, there = (refusal(lambda judge=judge: judge.validate(program, machine="mill")) for judge in (feedwave.local, client))
+        assert here == there, program
+
+
+# Work that has no end: with motion, without motion behind an error, and where setpoints, actions and improvements come from.
+ENDLESS = "G21 G90 G94 S3000 M3 F3000\n#1=0\nWHILE[#1 LT 900000000]DO1\n{}#1=#1+1\nEND1\nM30\n"
+LASTING = {
+    "validate": ("validate(PROGRAM, machine=MILL)", "G1 X[#1 MOD 7]\n", ""),
+    "refused": ("validate(PROGRAM, machine=MILL)", "", "G9999\n"),
+    "interpret": ("print(len(list(feedwave.local.interpret(PROGRAM, machine=MILL))))", "", ""),
+    "improve": ("improve(PROGRAM, machine=MILL)", "G1 X[#1 MOD 7]\n", ""),
+}
+
+
+@pytest.mark.parametrize("name", LASTING)
+def test_long_work_is_interrupted(name):
+    call, body, before = LASTING[name]
+    program = before + ENDLESS.format(body)
+    script = (
+        "import sys, feedwave.local\nfrom feedwave.local import *\n"
+        f"PROGRAM = {program!r}\nMILL = feedwave.local.profile('mill')\n"
+        "MILL.language.max_executed_blocks = MILL.language.max_still_blocks = 1_000_000_000\n"
+        f"print('begun', flush=True)\n{call}\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "begun\n"
+        time.sleep(0.5)
+        assert process.poll() is None, process.stderr.read()
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60)
+    assert "KeyboardInterrupt" in told, told
 
 
 @pytest.mark.parametrize("mode", MODES)

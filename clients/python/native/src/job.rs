@@ -1,12 +1,17 @@
 //! A program's settings, and validation with them.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use feedwave_contract::convert::{pipeline_config, profile_from_proto, report_to_proto, settings_from_proto};
+use feedwave_contract::convert::{
+    improvement_goals_from_proto, improvement_to_proto, pipeline_config, profile_from_proto, report_to_proto,
+    settings_from_proto,
+};
 use feedwave_contract::proto;
 use feedwave_contract::stream::StreamPlan;
 use feedwave_contract::violations::Violations;
-use feedwave_cutting::{PipelineConfig, Step, Validation, ValidationReport};
+use feedwave_cutting::{PipelineConfig, Step, Surroundings, Validation, ValidationReport, improve};
+use feedwave_program::Place;
 use prost::Message as _;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -48,6 +53,26 @@ impl Job {
         Ok(PyBytes::new(py, &report_to_proto(&report).encode_to_vec()))
     }
 
+    /// Improves a program for `ImprovementGoals` as bytes: an `Improvement` as bytes, and the program that came out. Only further files are
+    /// read.
+    fn improve<'py>(
+        &self,
+        py: Python<'py>,
+        goals: &[u8],
+        program: &[u8],
+        read: Py<PyAny>,
+    ) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyBytes>)> {
+        let mut violations = Violations::default();
+        let requested = improvement_goals_from_proto(&mut violations, "goals", Some(&decoded(goals)?));
+        finish(violations)?;
+        let goals = requested.on(&self.config.profile);
+        let config = Arc::new(self.config.clone());
+        let mut files = FurtherFiles { source: Source::new(read), signals: Signals::default() };
+        let improvement = py.detach(|| improve(program, &config, &goals, &mut files))?;
+        let message = improvement_to_proto(&improvement, &goals).encode_to_vec();
+        Ok((PyBytes::new(py, &message), PyBytes::new(py, &improvement.program)))
+    }
+
     /// The setpoints that a `StreamSetpointsRequest` asks for, of a program whose plan has `setpoint_count`.
     fn setpoints(&self, request: &[u8], read: Py<PyAny>, setpoint_count: u64) -> PyResult<Setpoints> {
         Setpoints::new(&self.plan(request)?, Source::new(read), setpoint_count)
@@ -65,6 +90,26 @@ impl Job {
         let plan = StreamPlan::check(&mut violations, &decoded(request)?, &self.config);
         finish(violations)?;
         Ok(plan)
+    }
+}
+
+/// The further files of a program that is improved.
+struct FurtherFiles {
+    source: Source,
+    signals: Signals,
+}
+
+impl Surroundings for FurtherFiles {
+    type Error = PyErr;
+
+    fn further(&mut self, place: Place) -> PyResult<Cow<'_, [u8]>> {
+        let mut bytes = Vec::new();
+        self.source.read(place, |piece| bytes.extend_from_slice(piece))?;
+        Ok(Cow::Owned(bytes))
+    }
+
+    fn step(&mut self) -> PyResult<()> {
+        self.signals.step()
     }
 }
 

@@ -21,7 +21,7 @@ _COMMAND = "the command `feedwave improve` needs no service"
 
 
 class Improvement:
-    """What came of improving a program. Made by `Client.improve`."""
+    """What came of improving a program. Made by `Client.improve` and `feedwave.local.improve`."""
 
     def __init__(self, message: improvement_pb2.Improvement, before: Program, program: Program, files: list[Program]) -> None:
         """An improvement of this message; use `Client.improve`."""
@@ -73,6 +73,16 @@ class Improvement:
         return f"<Improvement, {len(self.message.changes)} words changed, {'holds' if self.holds else 'does not hold'}>"
 
 
+def check_improved(program: Program) -> None:
+    """Refuses a program that is too large to be improved, before it is read.
+
+    Raises:
+        SourceError: for it.
+    """
+    if program.size > MAX_IMPROVED_BYTES:
+        raise SourceError(f"{program.name or 'the program'}: {program.size} bytes, and at most {MAX_IMPROVED_BYTES} are improved")
+
+
 def improve(
     retries: Retries,
     program: Program,
@@ -83,8 +93,7 @@ def improve(
     goals: Said[improvement_pb2.ImprovementGoals],
 ) -> Flow[Improvement]:
     """Improves a program without storing anything."""
-    if program.size > MAX_IMPROVED_BYTES:
-        raise SourceError(f"{program.name or 'the program'}: {program.size} bytes, and at most {MAX_IMPROVED_BYTES} are improved")
+    check_improved(program)
     check_size([program, *files], _COMMAND)
     request = improvement_pb2.ImproveRequest(
         inline_program=program.read(),

@@ -23,10 +23,11 @@ from . import _requests
 from ._names import listed, value_of
 from ._options import Said, Settings, StreamOptions, files_of, message_of, settings_of
 from .errors import Details, SourceError, Violation, of_code
+from .improvement import Improvement, check_improved
 from .program import PIECE_BYTES, Program, ProgramSource
 from .report import Report
 from .setpoints import Layout, Override, Setpoints, of_raw, overrides_of
-from .v1 import jobs_pb2, machines_pb2, programs_pb2, report_pb2, setpoints_pb2, tools_pb2
+from .v1 import improvement_pb2, jobs_pb2, machines_pb2, programs_pb2, report_pb2, setpoints_pb2, tools_pb2
 
 try:
     from . import _native
@@ -39,7 +40,7 @@ except ImportError as error:
 Machine: TypeAlias = "str | machines_pb2.MachineProfile | Mapping[str, Any]"
 """The generic `lathe` or `mill`, or a profile (`feedwave.load_profile`)."""
 
-__all__ = ["Machine", "Plan", "interpret", "plan", "profile", "validate"]
+__all__ = ["Machine", "Plan", "improve", "interpret", "plan", "profile", "validate"]
 
 
 def profile(kind: str) -> machines_pb2.MachineProfile:
@@ -107,6 +108,34 @@ def interpret(
     return _Job(program, machine, tools, files, settings).interpret()
 
 
+def improve(
+    program: ProgramSource,
+    *,
+    machine: Machine,
+    tools: Iterable[Said[tools_pb2.Tool]] = (),
+    files: Mapping[str, ProgramSource] | Iterable[ProgramSource] = (),
+    settings: Settings = Settings(),
+    goals: Said[improvement_pb2.ImprovementGoals] = {},
+) -> Improvement:
+    """Improves a program: words that make chips break, feeds and tolerances that save time, each with its reason and gain.
+
+    Args:
+        program: at most 64 MiB; it is held in memory.
+        machine, tools, files: as in `validate`.
+        settings: of these offsets matter.
+        goals: what is wanted (`feedwave.v1.improvement_pb2.ImprovementGoals`, or a mapping with its fields), such as
+            `{"margin": 1.2, "max_feed_per_rev_mm": 0.25}`; defaults without it.
+
+    Returns:
+        What came of it: the program, its changes, and reports before and after.
+
+    Raises:
+        SourceError: for a program that is larger. Others as in `validate`.
+    """
+    said = message_of(improvement_pb2.ImprovementGoals, goals)
+    return _Job(program, machine, tools, files, Settings(offsets=settings_of(settings).offsets)).improve(said)
+
+
 class Plan:
     """A program that was validated, and its setpoints. Made by `feedwave.local.plan`."""
 
@@ -171,6 +200,13 @@ class _Job:
         with _Reader(self) as reader, _refusals():
             report = self.native.validate(request.SerializeToString(), reader.read)
         return Report(report_pb2.ValidationReport.FromString(report), self.program, self.files)
+
+    def improve(self, goals: improvement_pb2.ImprovementGoals) -> Improvement:
+        check_improved(self.program)
+        with _Reader(self) as reader, _refusals():
+            message, improved = self.native.improve(goals.SerializeToString(), self.program.read(), reader.read)
+        found = improvement_pb2.Improvement.FromString(message)
+        return Improvement(found, self.program, Program(improved, self.program.name), self.files)
 
     def setpoints(self, report: Report, options: StreamOptions) -> Iterator[Any]:
         """The layout with the index of the first setpoint, then batches."""
