@@ -68,11 +68,26 @@ def test_a_program_is_improved_with_reasons_and_gains(client):
     changed = [line for line in improvement.diff().splitlines() if line[0] in "+-"]
     assert changed[2:] == ["-G200 F50 A0.03", "+G200 F41.65 A0.03"]
     assert "F50 becomes F41.65" in str(improvement) and "margin" in str(improvement)
+    assert not improvement.stability_judged and str(improvement).endswith("stability is not judged: no lobes are given")
     bad = client.improve(BAD, machine="lathe")
     assert not bad.holds and not bad.steps and bad.before.errors and bad.program.read() == BAD.read_bytes()
     with pytest.raises(feedwave.InvalidArgument) as refused:
         client.improve(TRAP, machine="lathe", goals={"margin": 0.1})
     assert refused.value.violations[0].field == "goals.margin"
+
+
+def test_an_improvement_keeps_to_the_lobes(client):
+    lobes = {"chart": [{"spindle_rev_per_min": speed, "limit_mm": limit} for speed, limit in ((500, 1), (1100, 1), (1150, 3), (1500, 3))]}
+    kept = client.improve(TRAP, machine="lathe", lobes=lobes, depth_mm=1.5)
+    assert kept.stability_judged and not kept.holds and "speeds stay, as none are permitted" in str(kept)
+    permitted = {"min_spindle_rev_per_min": 800, "max_spindle_rev_per_min": 1500}
+    improvement = client.improve(TRAP, machine="lathe", goals=permitted, lobes=lobes, depth_mm=1.5, depth_tolerance=0.2)
+    speeds = [span.spindle_rev_per_min for section in improvement.after.sections for span in section.chip_spans]
+    # 3 mm of 1.8 mm from 1133 rev/min on, which may turn 2 % slower.
+    assert improvement.holds and min(speeds) * 0.98 >= 1100 + 50 * (1.8 - 1) / 2, str(improvement)
+    assert "stable with a margin of" in str(improvement)
+    with pytest.raises(TypeError, match="go together"):
+        client.improve(TRAP, machine="lathe", depth_mm=1.5)
 
 
 def test_a_profile_and_settings_go_with_a_validation(client):

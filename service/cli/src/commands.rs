@@ -32,6 +32,7 @@ mod robustness;
 mod run;
 pub mod serve;
 mod source;
+mod stability;
 mod stream;
 mod submit;
 mod terminal;

@@ -35,7 +35,7 @@ pub use functions::thread::{
     thread_to_proto,
 };
 pub use functions::tool_oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};
-pub use improvement::{RequestedGoals, improvement_goals_from_proto, improvement_to_proto};
+pub use improvement::{RequestedGoals, improvement_goals_from_proto, improvement_to_proto, stability_chart};
 pub use learning::{
     LearningPlan, MAX_LEARNING_RUNS, conditions_of, learning_names, learning_record_of, recorded_cut_to_proto,
     recording_from_proto, recording_to_proto,

@@ -36,7 +36,7 @@ pub use functions::code;
 pub use functions::*;
 pub use improvement::{
     Improvement, ImprovementFigure, ImprovementGoals, ImprovementKind, ImprovementOutcome, ImprovementStep,
-    MAX_IMPROVED_BYTES, Surroundings, WordChange, improve,
+    MAX_IMPROVED_BYTES, StabilityGoal, Surroundings, WordChange, improve,
 };
 pub use shared::cut::Cut;
 pub use shared::following::{AxisDrive, AxisFollowing, DriveModel, FollowingContour, FollowingModel};

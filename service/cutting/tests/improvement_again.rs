@@ -45,6 +45,7 @@ fn goals() -> [ImprovementGoals; 4] {
             spindle_rev_per_min,
             max_feed_per_rev_mm: None,
             max_tolerance_mm: None,
+            stability: None,
         }
     })
 }

@@ -35,8 +35,8 @@ pub use learning::{
 };
 pub use lobes::{
     ChartLimit, ChartPoint, LOW_IMMERSION, LOW_IMMERSION_ERROR, LobeError, LobePoint, Lobes, MillingModel, Mode,
-    Pocket, PocketRequest, StabilityRobustness, TurningModel, dynamics_problems, limiting_width_mm,
-    stability_robustness,
+    Pocket, PocketRequest, StabilityRobustness, TurningModel, dynamics_problems, limiting_width_mm, most_stable_speed,
+    stability_robustness, stable_speeds,
 };
 pub use monitor::{Monitor, SnapshotError, State};
 pub use recorder::{CutConditions, MAX_RECORDED_CUTS, RecordedCut, Recorder, RecordingError, RecordingLimits};

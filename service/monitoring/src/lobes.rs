@@ -5,6 +5,7 @@ mod chart;
 mod limit;
 mod pockets;
 mod robustness;
+mod stable_speeds;
 mod trace;
 
 pub use chart::ChartPoint;
@@ -12,6 +13,7 @@ pub use limit::ChartLimit;
 pub use pockets::{Pocket, PocketRequest};
 pub use robustness::{StabilityRobustness, stability_robustness};
 use serde::{Deserialize, Serialize};
+pub use stable_speeds::{most_stable_speed, stable_speeds};
 use std::f64::consts::{PI, TAU};
 use thiserror::Error;
 

@@ -12,7 +12,7 @@ from ._requests import advised, check_size
 from .errors import ContractError, SourceError
 from .program import Program
 from .report import Report
-from .v1 import improvement_pb2, machines_pb2
+from .v1 import improvement_pb2, lobes_pb2, machines_pb2
 
 # Largest program that is improved, bytes, by whatever is asked.
 MAX_IMPROVED_BYTES = 64 << 20
@@ -41,6 +41,11 @@ class Improvement:
         return self.message.holds
 
     @property
+    def stability_judged(self) -> bool:
+        """Whether lobes were given, by which stability is judged."""
+        return self.message.goals.HasField("stability")
+
+    @property
     def steps(self) -> list[improvement_pb2.ImprovementStep]:
         """What was done and what was not, with `line`, `subject`, `reason`, `changes` and `figures`."""
         return list(self.message.steps)
@@ -65,6 +70,9 @@ class Improvement:
             words = ", ".join(f"{change.old} becomes {change.new}" for change in step.changes)
             gains = (f"{figure.name} {figure.before:.4g} to {figure.after:.4g} {figure.unit}".rstrip() for figure in step.figures)
             yield f"line {step.line}: {words} ({step.reason}): {', '.join(gains)}"
+        vibrations = (improvement_pb2.IMPROVEMENT_KIND_VIBRATION, improvement_pb2.IMPROVEMENT_KIND_SPINDLE_SPEED)
+        if not self.stability_judged and any(step.kind in vibrations for step in self.message.steps):
+            yield "stability is not judged: no lobes are given"
 
     def __str__(self) -> str:
         return "\n".join(self._lines()) or "nothing is changed"
@@ -83,6 +91,28 @@ def check_improved(program: Program) -> None:
         raise SourceError(f"{program.name or 'the program'}: {program.size} bytes, and at most {MAX_IMPROVED_BYTES} are improved")
 
 
+def goals_of(
+    goals: Said[improvement_pb2.ImprovementGoals],
+    lobes: Said[lobes_pb2.StabilityLobes] | None,
+    depth_mm: float | None,
+    depth_tolerance: float | None,
+) -> improvement_pb2.ImprovementGoals:
+    """The goals with the depth that has to be stable.
+
+    Raises:
+        TypeError: for lobes without a depth, or a depth without lobes.
+    """
+    wanted = improvement_pb2.ImprovementGoals()
+    wanted.CopyFrom(message_of(improvement_pb2.ImprovementGoals, goals))
+    if (lobes is None) != (depth_mm is None) or (lobes is None and depth_tolerance is not None):
+        raise TypeError("lobes and depth_mm go together, and depth_tolerance with both")
+    if lobes is not None and depth_mm is not None:
+        chart = message_of(lobes_pb2.StabilityLobes, lobes)
+        stability = improvement_pb2.StabilityGoal(lobes=chart, depth_mm=depth_mm, depth_tolerance=depth_tolerance)
+        wanted.stability.CopyFrom(stability)
+    return wanted
+
+
 def improve(
     retries: Retries,
     program: Program,
@@ -90,7 +120,7 @@ def improve(
     tools: list[str],
     files: list[Program],
     settings: Settings,
-    goals: Said[improvement_pb2.ImprovementGoals],
+    goals: improvement_pb2.ImprovementGoals,
 ) -> Flow[Improvement]:
     """Improves a program without storing anything."""
     check_improved(program)
@@ -100,7 +130,7 @@ def improve(
         tools=tools,
         programs=inline_files(files),
         offsets=settings_of(settings).offsets,
-        goals=message_of(improvement_pb2.ImprovementGoals, goals),
+        goals=goals,
     )
     if isinstance(machine, str):
         request.machine = resource("machines", machine)

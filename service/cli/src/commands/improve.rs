@@ -19,6 +19,7 @@ use feedwave_program::Place;
 
 use super::machine::MachineArgs;
 use super::source::{IncludeArgs, Source};
+use super::stability::StabilityArgs;
 use super::terminal::{Style, print_bytes, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, report};
@@ -37,6 +38,8 @@ Examples:
   feedwave improve --margin 1.3 --speed-tolerance 3 --least-amplitude shaft.nc
   feedwave improve --max-feed 0.25 --max-tolerance 0.02 shaft.nc
       Thicker chips and a larger tolerance as well, where they save time.
+  feedwave improve --lobes lobes.json --depth 1.5 --spindle-speed 800:1600 shaft.nc
+      Every cut stable as well; where one is not, at the nearest speed that is.
   feedwave improve --format json shaft.nc | jq '.steps[].reason'
   feedwave improve shaft.nc | patch shaft.nc"
 )]
@@ -75,6 +78,8 @@ pub struct Args {
     /// Largest tolerance of the path in mm, to which tolerances (`G64 P`) are raised where that saves time [default: they stay]
     #[arg(long, value_name = "MM", value_parser = in_range(1e-5, 10.0))]
     max_tolerance: Option<f64>,
+    #[command(flatten)]
+    stability: StabilityArgs,
     /// Form of the answer: a unified diff, or one JSON object with changes, reasons, gains and both reports
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
     format: Format,
@@ -101,10 +106,13 @@ fn frequencies(text: &str) -> Result<[f64; 2], String> {
 
 impl Args {
     /// What is wanted, as a client would state it.
-    fn goals(&self) -> proto::ImprovementGoals {
+    fn goals(&self) -> Result<proto::ImprovementGoals, CliError> {
         let (low, high) =
             (|range: Option<[f64; 2]>| range.map(|it| it[0]), |range: Option<[f64; 2]>| range.map(|it| it[1]));
-        proto::ImprovementGoals {
+        let stability = self.stability.read()?.zip(self.stability.depth).map(|(lobes, depth_mm)| {
+            proto::StabilityGoal { lobes: Some(lobes), depth_mm, depth_tolerance: Some(self.stability.depth_tolerance) }
+        });
+        Ok(proto::ImprovementGoals {
             margin: Some(self.margin),
             speed_tolerance: Some(0.01 * self.speed_tolerance),
             min_frequency_hz: low(self.frequency),
@@ -115,7 +123,8 @@ impl Args {
             max_spindle_rev_per_min: high(self.spindle_speed),
             max_feed_per_rev_mm: self.max_feed,
             max_tolerance_mm: self.max_tolerance,
-        }
+            stability,
+        })
     }
 }
 
@@ -146,7 +155,7 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
     let config = args.machine.config(Frame::Machine, source.further_names())?;
     let program = read(&mut source)?;
     let mut violations = Violations::default();
-    let requested = improvement_goals_from_proto(&mut violations, "goals", Some(&args.goals()));
+    let requested = improvement_goals_from_proto(&mut violations, "goals", Some(&args.goals()?));
     violations.finish().map_err(|violations| CliError::trouble(violations.to_string()))?;
     let goals = requested.on(&config.profile);
     let improvement = feedwave_cutting::improve(&program, &config, &goals, &mut FurtherFiles(&mut source))?;

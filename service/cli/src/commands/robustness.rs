@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use feedwave_contract::convert::report_to_proto;
-use feedwave_contract::json;
-use feedwave_contract::proto::StabilityLobes;
+use feedwave_contract::convert::{report_to_proto, stability_chart};
 use feedwave_cutting::{
     ChipRobustness, CutCondition, CutTolerances, FeedCoupling, Frame, SectionReport, chip_robustness,
 };
@@ -15,6 +13,7 @@ use feedwave_monitoring::{StabilityRobustness, stability_robustness};
 
 use super::machine::MachineArgs;
 use super::source::IncludeArgs;
+use super::stability::{StabilityArgs, percent};
 use super::terminal::{Style, number, print, tell};
 use super::{CliError, EXIT_REFUSED, local, report};
 use crate::plot::{RobustnessPicture, write_robustness};
@@ -26,8 +25,6 @@ const MAP_FEEDS: u32 = 100;
 const MAP_SPEED_SHARE: f64 = 0.25;
 /// Largest feed of a map, as a multiple of the programmed one.
 const MAP_FEED_RATIO: f64 = 2.0;
-/// Longest file of lobes, bytes.
-const MAX_LOBES_BYTES: u64 = 64 << 20;
 
 /// Spindle speeds in rev/min, ascending, with the limit of stability in mm, `None` where nothing chatters.
 type Chart = Vec<(f64, Option<f64>)>;
@@ -63,28 +60,11 @@ pub struct Args {
     /// By how many per cent the amplitude that arrives may be smaller or larger
     #[arg(long, value_name = "PERCENT", default_value = "10", value_parser = percent)]
     amplitude_tolerance: f64,
-    /// Lobes of the tool, what `feedwave lobes --format json` writes
-    #[arg(long, value_name = "FILE", requires = "depth")]
-    lobes: Option<PathBuf>,
-    /// Depth of cut, in turning its width, mm
-    #[arg(long, value_name = "MM", requires = "lobes", value_parser = depth)]
-    depth: Option<f64>,
-    /// By how many per cent the depth may be smaller or larger
-    #[arg(long, value_name = "PERCENT", default_value = "10", value_parser = percent)]
-    depth_tolerance: f64,
+    #[command(flatten)]
+    stability: StabilityArgs,
     /// Directory for a map of each section: a picture, and its values as CSV
     #[arg(long, value_name = "DIRECTORY")]
     out: Option<PathBuf>,
-}
-
-fn percent(text: &str) -> Result<f64, String> {
-    let value = text.trim().parse::<f64>().ok().filter(|value| (0.0..=50.0).contains(value));
-    value.map(|percent| 0.01 * percent).ok_or_else(|| "must be a number from 0 to 50".to_owned())
-}
-
-fn depth(text: &str) -> Result<f64, String> {
-    let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0);
-    value.ok_or_else(|| "must be a positive number of millimetres".to_owned())
 }
 
 impl Args {
@@ -94,21 +74,7 @@ impl Args {
 
     /// Limits of stability over the speed.
     fn chart(&self) -> Result<Option<Chart>, CliError> {
-        let Some(path) = &self.lobes else { return Ok(None) };
-        let failed = |error: std::io::Error| CliError::file(path, &error);
-        if std::fs::metadata(path).map_err(failed)?.len() > MAX_LOBES_BYTES {
-            return Err(CliError::trouble(format!("{}: has more than {MAX_LOBES_BYTES} bytes", path.display())));
-        }
-        let text = std::fs::read_to_string(path).map_err(failed)?;
-        let lobes: StabilityLobes =
-            json::from_str(&text).map_err(|error| CliError::trouble(format!("{}: {error}", path.display())))?;
-        let mut chart: Vec<_> = lobes.chart.iter().map(|point| (point.spindle_rev_per_min, point.limit_mm)).collect();
-        let is_number = |(speed, limit): &(f64, Option<f64>)| speed.is_finite() && limit.is_none_or(f64::is_finite);
-        if chart.is_empty() || !chart.iter().all(is_number) {
-            return Err(CliError::trouble(format!("{}: has no chart of lobes", path.display())));
-        }
-        chart.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(Some(chart))
+        Ok(self.stability.read()?.map(|lobes| stability_chart(&lobes).collect()))
     }
 }
 
@@ -190,10 +156,16 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
         () if worst.is_none() => Some("nothing is cut with a turning spindle"),
         () => None,
     };
-    let depth = args.depth.unwrap_or_default();
+    let depth = args.stability.depth.unwrap_or_default();
     let stable = |chart: &[(f64, Option<f64>)]| {
         let of = section.chip_spans.iter().map(|span| {
-            stability_robustness(chart, span.spindle_rev_per_min, args.speed_tolerance, depth, args.depth_tolerance)
+            stability_robustness(
+                chart,
+                span.spindle_rev_per_min,
+                args.speed_tolerance,
+                depth,
+                args.stability.depth_tolerance,
+            )
         });
         of.collect::<Option<Vec<_>>>()
     };
@@ -282,8 +254,9 @@ fn text(judged: &[Judged], not_listed: u64, args: &Args) -> String {
 /// The stability limit at worst by the largest depth, at a spindle speed; infinite where nothing chatters, `None` where the lobes do not
 /// have all speeds within the tolerance.
 fn stability_margin(chart: &[(f64, Option<f64>)], spindle_rev_per_min: f64, args: &Args) -> Option<f64> {
-    let depth = args.depth.unwrap_or_default();
-    let judged = stability_robustness(chart, spindle_rev_per_min, args.speed_tolerance, depth, args.depth_tolerance)?;
+    let depth = args.stability.depth.unwrap_or_default();
+    let judged =
+        stability_robustness(chart, spindle_rev_per_min, args.speed_tolerance, depth, args.stability.depth_tolerance)?;
     Some(judged.worst_margin.unwrap_or(f64::INFINITY))
 }
 
@@ -324,11 +297,11 @@ fn write_map(
     let name = format!("robustness-line-{}", section.first_line);
     let path = directory.join(format!("{name}.csv"));
     std::fs::write(&path, csv).map_err(|error| CliError::file(&path, &error))?;
-    let stability = chart.zip(args.depth).map(|(chart, depth)| {
+    let stability = chart.zip(args.stability.depth).map(|(chart, depth)| {
         let [first, last] = [limit[0].0, limit[limit.len() - 1].0];
         let inside = chart.iter().filter(|(speed, _)| (first..=last).contains(speed));
         let curve = inside.map(|(speed, limit)| (*speed, limit.unwrap_or(f64::NAN))).collect();
-        (curve, [depth * (1.0 - args.depth_tolerance), depth * (1.0 + args.depth_tolerance)])
+        (curve, [depth * (1.0 - args.stability.depth_tolerance), depth * (1.0 + args.stability.depth_tolerance)])
     });
     let picture = RobustnessPicture {
         subtitle: format!(

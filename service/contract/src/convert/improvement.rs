@@ -2,7 +2,7 @@
 
 use feedwave_cutting::{
     Improvement, ImprovementGoals, ImprovementKind, ImprovementOutcome, ImprovementStep, MachineProfile, SearchGoals,
-    WordChange,
+    StabilityGoal, WordChange,
 };
 
 use super::report::bounded_report;
@@ -22,6 +22,13 @@ const MAX_SPEED_TOLERANCE: f64 = 0.2;
 const MAX_FEED_PER_REV_MM: f64 = 10.0;
 /// Largest spindle speed that may be asked for, rev/min.
 const MAX_SPINDLE_REV_PER_MIN: f64 = 1e6;
+
+/// Tolerance of the depth where none is stated.
+const DEFAULT_DEPTH_TOLERANCE: f64 = 0.1;
+/// Largest tolerance of the depth.
+const MAX_DEPTH_TOLERANCE: f64 = 0.5;
+/// Most points of a chart of lobes.
+const MAX_CHART_POINTS: usize = 100_000;
 
 /// Checked goals, for any machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +51,42 @@ impl RequestedGoals {
             spindle_rev_per_min: range(goals.min_spindle_rev_per_min, goals.max_spindle_rev_per_min),
             max_feed_per_rev_mm: goals.max_feed_per_rev_mm,
             max_tolerance_mm: goals.max_tolerance_mm,
+            stability: goals.stability.as_ref().map(stability_goal),
         }
+    }
+}
+
+/// A checked goal of stability.
+fn stability_goal(goal: &proto::StabilityGoal) -> StabilityGoal {
+    StabilityGoal {
+        chart: goal.lobes.iter().flat_map(|lobes| stability_chart(lobes)).collect(),
+        depth_mm: goal.depth_mm,
+        depth_tolerance: goal.depth_tolerance.unwrap_or(DEFAULT_DEPTH_TOLERANCE),
+    }
+}
+
+/// The limit of stability, mm, over the spindle speed, rev/min, as lobes have it; `None` where nothing chatters.
+pub fn stability_chart(lobes: &proto::StabilityLobes) -> impl Iterator<Item = (f64, Option<f64>)> {
+    lobes.chart.iter().map(|point| (point.spindle_rev_per_min, point.limit_mm))
+}
+
+fn check_stability(violations: &mut Violations, field: &str, goal: &proto::StabilityGoal) {
+    let chart: Vec<_> = goal.lobes.iter().flat_map(|lobes| stability_chart(lobes)).collect();
+    let ascends = chart.windows(2).all(|pair| pair[0].0 <= pair[1].0);
+    let is_possible = |(speed, limit): &(f64, Option<f64>)| {
+        speed.is_finite() && *speed > 0.0 && limit.is_none_or(|limit| limit.is_finite() && limit >= 0.0)
+    };
+    if !(1..=MAX_CHART_POINTS).contains(&chart.len()) {
+        violations.add(format!("{field}.lobes.chart"), format!("must have 1 to {MAX_CHART_POINTS} points"));
+    } else if !ascends || !chart.iter().all(is_possible) {
+        let wanted = "must have positive speeds that ascend, and limits that are no negative numbers";
+        violations.add(format!("{field}.lobes.chart"), wanted);
+    }
+    if !(goal.depth_mm > 0.0 && goal.depth_mm.is_finite()) {
+        violations.add(format!("{field}.depth_mm"), "must be a positive number");
+    }
+    if goal.depth_tolerance.is_some_and(|share| !(0.0..=MAX_DEPTH_TOLERANCE).contains(&share)) {
+        violations.add(format!("{field}.depth_tolerance"), format!("must be 0 to {MAX_DEPTH_TOLERANCE}"));
     }
 }
 
@@ -54,7 +96,7 @@ pub fn improvement_goals_from_proto(
     field: &str,
     given: Option<&proto::ImprovementGoals>,
 ) -> RequestedGoals {
-    let goals = given.copied().unwrap_or_default();
+    let goals = given.cloned().unwrap_or_default();
     let mut within = |name: &str, value: Option<f64>, low: f64, high: f64| {
         if value.is_some_and(|value| !(low..=high).contains(&value)) {
             violations.add(format!("{field}.{name}"), format!("must be {low} to {high}"));
@@ -84,6 +126,9 @@ pub fn improvement_goals_from_proto(
     };
     pair("frequency_hz", goals.min_frequency_hz, goals.max_frequency_hz);
     pair("spindle_rev_per_min", goals.min_spindle_rev_per_min, goals.max_spindle_rev_per_min);
+    if let Some(stability) = &goals.stability {
+        check_stability(violations, &format!("{field}.stability"), stability);
+    }
     RequestedGoals(goals)
 }
 
@@ -118,6 +163,11 @@ fn goals_to_proto(goals: &ImprovementGoals) -> proto::ImprovementGoals {
         max_spindle_rev_per_min,
         max_feed_per_rev_mm: goals.max_feed_per_rev_mm,
         max_tolerance_mm: goals.max_tolerance_mm,
+        stability: goals.stability.as_ref().map(|goal| proto::StabilityGoal {
+            lobes: None,
+            depth_mm: goal.depth_mm,
+            depth_tolerance: Some(goal.depth_tolerance),
+        }),
     }
 }
 
@@ -176,6 +226,11 @@ mod tests {
             max_frequency_hz: Some(30.0),
             max_spindle_rev_per_min: Some(-1.0),
             max_tolerance_mm: Some(1e9),
+            stability: Some(proto::StabilityGoal {
+                depth_mm: -1.0,
+                depth_tolerance: Some(0.9),
+                ..proto::StabilityGoal::default()
+            }),
             ..proto::ImprovementGoals::default()
         };
         improvement_goals_from_proto(&mut violations, "goals", Some(&given));
@@ -187,6 +242,9 @@ mod tests {
             "min_spindle_rev_per_min",
             "max_spindle_rev_per_min",
             "max_tolerance_mm",
+            "stability.lobes.chart",
+            "stability.depth_mm",
+            "stability.depth_tolerance",
         ] {
             assert!(text.contains(&format!("goals.{field}")), "{field} is not in {text}");
         }

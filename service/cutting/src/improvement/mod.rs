@@ -17,6 +17,8 @@ mod again;
 mod edits;
 mod feed;
 mod judged;
+mod speed;
+mod stability;
 mod thread;
 mod tolerance;
 mod vibration;
@@ -27,6 +29,7 @@ mod work;
 mod tests;
 
 use self::edits::Edits;
+pub use self::stability::StabilityGoal;
 use self::work::Work;
 
 /// Longest program that is improved, bytes.
@@ -36,7 +39,7 @@ pub const MAX_IMPROVED_BYTES: u64 = 64 << 20;
 const MAX_ROUNDS: u32 = 8;
 
 /// What is wanted of a program.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ImprovementGoals {
     /// What every vibration along the path has to do.
     pub vibration: SearchGoals,
@@ -50,6 +53,8 @@ pub struct ImprovementGoals {
     pub max_feed_per_rev_mm: Option<f64>,
     /// Largest tolerance of the path, mm, up to which tolerances (`G64 P`) are raised where that saves time; `None`: they stay.
     pub max_tolerance_mm: Option<f64>,
+    /// The depth that has to be stable in every vibrating section, by the lobes of the tool; `None`: stability is not judged.
+    pub stability: Option<StabilityGoal>,
 }
 
 /// What came of it.

@@ -1,6 +1,8 @@
 use std::convert::Infallible;
 
 use super::*;
+
+mod stability;
 use crate::{FoundVibration, MachineProfile, PipelineConfig};
 
 /// A program alone.
@@ -25,6 +27,7 @@ fn goals() -> ImprovementGoals {
         spindle_rev_per_min: None,
         max_feed_per_rev_mm: None,
         max_tolerance_mm: None,
+        stability: None,
     }
 }
 
@@ -211,7 +214,7 @@ fn feeds_rise_to_the_chip_thickness_with_a_vibration_that_still_breaks() {
     let margin = worst.breaking_margin * 1.5 / 1.2;
     assert!((1.1..1.13).contains(&margin), "{margin}");
     let whole = SearchGoals { max_feed_override: 1.5, ..thicker.vibration };
-    let whole = improved(&program, &config, &ImprovementGoals { vibration: whole, ..thicker });
+    let whole = improved(&program, &config, &ImprovementGoals { vibration: whole, ..thicker.clone() });
     assert!(text(&whole).contains("G1 Z-4.000 F0.12\n"), "{}{:?}", text(&whole), whole.steps);
     assert!(whole.after.sections[0].at_max_feed_override.unwrap().breaking_margin >= 1.1);
     // At the limit nothing more is to be had.

@@ -5,9 +5,14 @@ use std::collections::BTreeMap;
 use super::actions::{FunctionBlock, Meant};
 use super::edits::Edits;
 use super::judged::{self, ROUNDING, Wanted, margin, vibration_text};
+use super::speed::{self, Programmed};
+use super::stability;
 use super::words::Word;
 use super::work::{FunctionWords, Work};
-use super::{ImprovementFigure, ImprovementKind, ImprovementOutcome, ImprovementStep, State, Surroundings, WordChange};
+use super::{
+    ImprovementFigure, ImprovementGoals, ImprovementKind, ImprovementOutcome, ImprovementStep, State, Surroundings,
+    WordChange,
+};
 use crate::shared::wording::{decimal, round_up, word};
 use crate::{
     FoundVibration, PipelineConfig, SearchGoals, SectionReport, Unsearchable, ValidationReport, VibrationSearch,
@@ -20,10 +25,6 @@ const FREQUENCY_STEP_HZ: f64 = 1e-3;
 /// Decimals of an amplitude in mm, and in inches.
 const AMPLITUDE_DECIMALS: [usize; 2] = [4, 5];
 const MM_PER_INCH: f64 = 25.4;
-/// Steps of a spindle speed that are tried on both sides of the programmed one, as a share of it.
-const SPEED_STEP: f64 = 0.01;
-/// How many of them.
-const SPEED_STEPS: u32 = 200;
 
 /// All that one block switches on.
 #[derive(Clone, Debug)]
@@ -95,7 +96,7 @@ pub(super) fn improve<S: Surroundings>(
     }
     settle(work, before, &mut sections, state)?;
     for section in &sections {
-        let step = step(section, before, state);
+        let step = step(section, before, state, work.goals);
         state.steps.push(step);
     }
     Ok(sections)
@@ -129,17 +130,20 @@ fn settle<S: Surroundings>(
                 judged::worse(before, &after, |finding| !finding.code.name().starts_with("VIB-CHIP-"))
                     .map(|worse| format!("another spindle speed would be worse in another way: {worse}"))
             };
-            if let Some(reason) = fault.or_else(spread) {
+            let unstable = || {
+                let own: Vec<_> = after.sections.iter().filter(|it| it.on_line == section.line).collect();
+                let judged = stability::of(&own, work.goals).filter(|it| !it.is_stable())?;
+                Some(format!("with the change it would not be stable: {}", judged.text()))
+            };
+            if let Some(reason) = fault.or_else(spread).or_else(unstable) {
                 section.outcome = Outcome::NotPossible(reason);
                 taken_back = true;
             }
         }
-        if !taken_back && others_break_less(work, sections, [before, &after]) {
+        if !taken_back && let Some(reason) = worse_for_others(work, sections, [before, &after]) {
             let sped = |section: &&mut Section| matches!(&section.outcome, Outcome::Changed(changed) if changed.speed_rev_per_min.is_some());
             for section in sections.iter_mut().filter(sped) {
-                section.outcome = Outcome::NotPossible(
-                    "another spindle speed would leave chips of other sections unbroken".to_owned(),
-                );
+                section.outcome = Outcome::NotPossible(reason.to_owned());
                 taken_back = true;
             }
         }
@@ -160,19 +164,23 @@ fn settle<S: Surroundings>(
     }
 }
 
-/// Whether a section that stays as it is breaks its chips less surely than before, and than is wanted.
-fn others_break_less<S: Surroundings>(
+/// What becomes worse in a section that stays as it is: it breaks its chips less surely than before and than is wanted, or is no longer
+/// stable.
+fn worse_for_others<S: Surroundings>(
     work: &Work<'_, S>,
     sections: &[Section],
-    [before, after]: [&ValidationReport; 2],
-) -> bool {
-    let goals = &work.goals.vibration;
-    sections.iter().filter(|section| !matches!(section.outcome, Outcome::Changed(_))).any(|section| {
-        let [before, after] = [before, after].map(|report| {
-            let own: Vec<_> = report.sections.iter().filter(|it| it.on_line == section.line).collect();
-            judged::margin_of(&own, work.config, goals)
-        });
-        after < before.min(goals.margin) * (1.0 - ROUNDING)
+    reports: [&ValidationReport; 2],
+) -> Option<&'static str> {
+    let goals = work.goals;
+    sections.iter().filter(|section| !matches!(section.outcome, Outcome::Changed(_))).find_map(|section| {
+        let own =
+            reports.map(|report| report.sections.iter().filter(|it| it.on_line == section.line).collect::<Vec<_>>());
+        let [before, after] = [0, 1].map(|at| judged::margin_of(&own[at], work.config, &goals.vibration));
+        let [was_stable, is_stable] = [0, 1].map(|at| stability::of(&own[at], goals).is_none_or(|it| it.is_stable()));
+        if after < before.min(goals.vibration.margin) * (1.0 - ROUNDING) {
+            return Some("another spindle speed would leave chips of other sections unbroken");
+        }
+        (was_stable && !is_stable).then_some("at another spindle speed other sections would not be stable")
     })
 }
 
@@ -231,6 +239,17 @@ fn plan<S: Surroundings>(
         Err(reason) => return Ok(not_possible(0.0, unsearchable(reason))),
     };
     let margin = arriving * margin(&search, programmed);
+    let words = block.and_then(Words::of);
+    let as_programmed = Programmed { sections, arriving, vibration: programmed, words: words.as_ref() };
+    if let Some(goal) = &work.goals.stability
+        && stability::of(sections, work.goals).is_some_and(|it| !it.is_stable())
+    {
+        // Whatever else would be changed, it would be at a speed that is not stable.
+        return Ok(match speed::stable(work, &as_programmed, goal)? {
+            Ok(changed) => section(margin, Outcome::Changed(Box::new(changed))),
+            Err(reason) => not_possible(margin, &reason),
+        });
+    }
     let suffices = margin >= goals.margin * (1.0 - ROUNDING);
     if suffices && let Some((line, revolutions)) = sections.iter().find_map(|it| it.unbroken_between_blends()) {
         let reason = format!(
@@ -243,7 +262,6 @@ fn plan<S: Surroundings>(
     if suffices && !least_amplitude {
         return Ok(section(margin, Outcome::Holds));
     }
-    let words = block.and_then(Words::of);
     let no_words = "its F and A are not both written as numbers in one block, so no word is changed";
     let Some(found) = search.solve() else {
         let reason = "no vibration within the range of frequencies, nine tenths of the axes' acceleration and jerk (the rest is kept \
@@ -252,10 +270,7 @@ fn plan<S: Surroundings>(
         if suffices {
             return Ok(section(margin, Outcome::Holds));
         }
-        let changed = match &words {
-            Some(words) => with_speed(work, sections, arriving, programmed, words)?,
-            None => None,
-        };
+        let changed = if words.is_some() { speed::another(work, &as_programmed)? } else { None };
         let changed = changed.map(|it| section(margin, Outcome::Changed(Box::new(it))));
         let passing = judged::reached(sections, goals);
         let blended = format!(
@@ -276,63 +291,6 @@ fn plan<S: Surroundings>(
         }
         None => not_possible(margin, "what is enough cannot be written in the decimals of a word within the limits"),
     })
-}
-
-/// Another spindle speed, as near as possible to the programmed one, with the vibration that is enough at it.
-fn with_speed<S: Surroundings>(
-    work: &mut Work<'_, S>,
-    sections: &[&SectionReport],
-    arriving: f64,
-    programmed: FoundVibration,
-    words: &Words,
-) -> Result<Option<Changed>, S::Error> {
-    let Some([low, high]) = work.goals.spindle_rev_per_min else { return Ok(None) };
-    let high = high.min(work.config.profile.machine.max_spindle_rev_per_min);
-    let Some((speed, speed_word)) = constant_speed(work, sections) else { return Ok(None) };
-    for step in 1..=SPEED_STEPS {
-        for share in [1.0 - SPEED_STEP * f64::from(step), 1.0 + SPEED_STEP * f64::from(step)] {
-            let tried = (speed * share).round();
-            if tried < low.max(1.0) || tried > high {
-                continue;
-            }
-            work.step()?;
-            let at_speed: Vec<SectionReport> = sections.iter().map(|section| at_speed(section, tried)).collect();
-            let at_speed: Vec<&SectionReport> = at_speed.iter().collect();
-            let Ok(search) = search(&at_speed, arriving, work.config, &work.goals.vibration) else { continue };
-            let found = search.solve().and_then(|found| rounded(&search, found, programmed, words, false));
-            if let Some((found, mut changes)) = found {
-                changes.push((speed_word, format!("S{}", decimal(tried, 0))));
-                let (margin, speeds) = (arriving * margin(&search, found), Some([speed, tried]));
-                return Ok(Some(Changed { found, margin, words: changes, speed_rev_per_min: speeds }));
-            }
-        }
-    }
-    Ok(None)
-}
-
-/// The one spindle speed of these sections, rev/min, and the word that says it.
-fn constant_speed<S: Surroundings>(work: &Work<'_, S>, sections: &[&SectionReport]) -> Option<(f64, Word)> {
-    let mut spans = sections.iter().flat_map(|section| &section.chip_spans);
-    let speed = spans.next()?.spindle_rev_per_min;
-    if spans.any(|span| span.spindle_rev_per_min != speed) {
-        return None;
-    }
-    let first_line = sections.iter().map(|section| section.first_line).min()?;
-    let word = work.word_above(first_line, 'S', 0).filter(|word| (word.value - speed).abs() <= 1e-9 * speed)?;
-    Some((speed, word))
-}
-
-/// A section as it would be at another spindle speed.
-fn at_speed(section: &SectionReport, rev_per_min: f64) -> SectionReport {
-    let mut section = section.clone();
-    let coupling = section.chip.as_ref().map(|chip| chip.condition.feed_coupling);
-    for span in &mut section.chip_spans {
-        if coupling == Some(crate::FeedCoupling::PerMinute) {
-            span.feed_per_rev_mm *= span.spindle_rev_per_min / rev_per_min;
-        }
-        span.spindle_rev_per_min = rev_per_min;
-    }
-    section
 }
 
 const fn unsearchable(reason: Unsearchable) -> &'static str {
@@ -406,15 +364,20 @@ pub(super) fn rounded(
 }
 
 /// What is said of a section.
-fn step(section: &Section, before: &ValidationReport, state: &State) -> ImprovementStep {
+fn step(section: &Section, before: &ValidationReport, state: &State, goals: &ImprovementGoals) -> ImprovementStep {
     let Section { line, programmed, margin, utilisation, .. } = section;
     let subject = vibration_text(*programmed);
+    let [was, is] = [before, &state.after].map(|report| {
+        let own: Vec<_> = report.sections.iter().filter(|it| it.on_line == *line).collect();
+        stability::of(&own, goals)
+    });
+    let stability = is.map_or_else(String::new, |judged| format!("; {}", judged.text()));
     let of_kind = |kind, outcome, reason: String| ImprovementStep {
         line: *line,
         kind,
         subject: subject.clone(),
         outcome,
-        reason,
+        reason: reason + &stability,
         changes: Vec::new(),
         figures: Vec::new(),
     };
@@ -434,6 +397,7 @@ fn step(section: &Section, before: &ValidationReport, state: &State) -> Improvem
     } else {
         format!("the chip breaks with a margin of {}", decimal(*margin, 4))
     };
+    let was_unstable = was.filter(|it| !it.is_stable()).map_or_else(String::new, |it| format!(", and {}", it.text()));
     let figure = |name: &'static str, before, after, unit| ImprovementFigure { name: name.into(), before, after, unit };
     let mut figures = vec![figure("margin", *margin, changed.margin, "")];
     if changed.found.amplitude_mm != programmed.amplitude_mm {
@@ -444,6 +408,8 @@ fn step(section: &Section, before: &ValidationReport, state: &State) -> Improvem
     if let Some([old, new]) = changed.speed_rev_per_min {
         kind = ImprovementKind::SpindleSpeed;
         figures.push(figure("spindle speed", old, new, "rev/min"));
+        let margins = was.and_then(|it| it.margin()).zip(is.and_then(|it| it.margin()));
+        figures.extend(margins.map(|(before, after)| figure("stability margin", before, after, "")));
         figures.push(figure("machining time", before.summary.duration_s, state.after.summary.duration_s, "s"));
     }
     let change = |(word, new): &(Word, String)| WordChange {
@@ -451,6 +417,6 @@ fn step(section: &Section, before: &ValidationReport, state: &State) -> Improvem
         old: word.text.clone(),
         new: word.in_its_case(new.clone()),
     };
-    let step = of_kind(kind, ImprovementOutcome::Changed, format!("at {subject} {why}"));
+    let step = of_kind(kind, ImprovementOutcome::Changed, format!("at {subject} {why}{was_unstable}"));
     ImprovementStep { changes: changed.words.iter().map(change).collect(), figures, ..step }
 }

@@ -104,7 +104,7 @@ impl Engine {
             let mut times = 0;
             let messages = loop {
                 let turn = engine.inner.turns.request(&client, program_bytes, times).await.ok_or(Error::Draining)?;
-                match engine.improve_in_turns(turn, config.clone(), source.clone(), goals).await? {
+                match engine.improve_in_turns(turn, config.clone(), source.clone(), goals.clone()).await? {
                     Ok(messages) => break messages,
                     Err(Interrupted::Stopped) => return Err(Error::Draining),
                     Err(Interrupted::SetAside) => times += 1,

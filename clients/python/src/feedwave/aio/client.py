@@ -127,6 +127,9 @@ class Client:
         files: Mapping[str, ProgramSource] | Iterable[ProgramSource] = (),
         settings: Settings = Settings(),
         goals: Said[improvement_pb2.ImprovementGoals] = {},
+        lobes: Said[lobes_pb2.StabilityLobes] | None = None,
+        depth_mm: float | None = None,
+        depth_tolerance: float | None = None,
     ) -> Improvement:
         """Improves a program: words that make chips break, feeds and tolerances that save time, each with its reason and gain. Nothing is
         stored.
@@ -137,11 +140,15 @@ class Client:
             settings: of these offsets matter.
             goals: what is wanted (`feedwave.v1.improvement_pb2.ImprovementGoals`, or a mapping with its fields), such as
                 `{"margin": 1.2, "max_feed_per_rev_mm": 0.25}`; defaults without it.
+            lobes: lobes of the tool, as `lobes` answers; with `depth_mm`. No speed is changed to one that is not stable, and what is not
+                stable gets a speed that is, of those that the goals permit. Without it stability is not judged.
+            depth_mm: depth of cut, in turning its width, mm; with `lobes`.
+            depth_tolerance: share by which it may be smaller or larger, 0 to 0.5; 0.1 without it.
 
         Returns:
             What came of it: the program, its changes, and reports before and after.
         """
-        options = (Program.of(program), machine, tools_of(tools), files_of(files), settings, goals)
+        options = (Program.of(program), machine, tools_of(tools), files_of(files), settings, improvement.goals_of(goals, lobes, depth_mm, depth_tolerance))
         return await self._do(improvement.improve, *options)
 
     async def submit(

@@ -16,8 +16,9 @@ pub(super) fn report(improvement: &Improvement) -> String {
     let mut text = format!("{}\n", heading(improvement));
     let is_of_vibration =
         |step: &ImprovementStep| matches!(step.kind(), ImprovementKind::Vibration | ImprovementKind::SpindleSpeed);
-    if let Some(goals) = improvement.goals.filter(|_| improvement.steps.iter().any(is_of_vibration)) {
-        let _ = writeln!(text, "wanted: {}", wanted(&goals));
+    if let Some(goals) = improvement.goals.as_ref().filter(|_| improvement.steps.iter().any(is_of_vibration)) {
+        let _ = writeln!(text, "wanted: {}", wanted(goals));
+        let _ = writeln!(text, "{}", stability(goals));
     }
     for step in &improvement.steps {
         text.push_str(&of_step(step));
@@ -64,6 +65,18 @@ fn wanted(goals: &ImprovementGoals) -> String {
         number(goals.margin(), 4),
         number(100.0 * goals.max_feed_override(), 4),
         number(100.0 * goals.speed_tolerance(), 3)
+    )
+}
+
+fn stability(goals: &ImprovementGoals) -> String {
+    let Some(goal) = &goals.stability else {
+        return "stability is not judged: no lobes are given".to_owned();
+    };
+    format!(
+        "every cut is stable at a depth of {} mm \u{b1} {} %; margins of stability are the limit over the largest depth, at the worst speed \
+         of the tolerance",
+        number(goal.depth_mm, 4),
+        number(100.0 * goal.depth_tolerance(), 3)
     )
 }
 
