@@ -89,7 +89,7 @@ struct Judged {
     /// Its worst cut; `None` where nothing of it can be judged so.
     cut: Option<(CutCondition, ChipRobustness)>,
     /// Why it is not judged, or not as a whole.
-    gap: Option<&'static str>,
+    gap: Option<String>,
     stability: Option<StabilityRobustness>,
     /// Lobes are given, and do not have its speeds.
     beyond_lobes: bool,
@@ -144,18 +144,7 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
     let robust = cuts.map(|cut| (cut, chip_robustness(&cut, &args.tolerances())));
     let worst =
         robust.min_by(|(_, a), (_, b)| a.worst_margin.total_cmp(&b.worst_margin).then(a.share.total_cmp(&b.share)));
-    let surface = section.surface_speed.as_ref().is_some_and(|it| it.length_mm > 0.0);
-    let gap = match () {
-        () if surface => Some("parts at constant surface speed are not judged: D changes along the path"),
-        () if section.chip_spans_not_listed > 0 => {
-            Some("it has more cuts than are listed; further ones are not judged")
-        }
-        () if section.unbroken_between_blends().is_some() => {
-            Some("where the vibration is blended out and in at corners, the chip stays whole for a revolution or more")
-        }
-        () if worst.is_none() => Some("nothing is cut with a turning spindle"),
-        () => None,
-    };
+    let gap = gap(section, worst.is_none());
     let depth = args.stability.depth.unwrap_or_default();
     let stable = |chart: &[(f64, Option<f64>)]| {
         let of = section.chip_spans.iter().map(|span| {
@@ -184,6 +173,29 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
         gap,
         beyond_lobes: stability == Some(None),
         stability: stability.flatten().and_then(|all| all.into_iter().min_by(|a, b| margin(a).total_cmp(&margin(b)))),
+    }
+}
+
+/// Why a section is not judged, or not as a whole.
+fn gap(section: &SectionReport, nothing_is_cut: bool) -> Option<String> {
+    let changing = section.surface_speed.as_ref().filter(|it| it.length_mm > 0.0);
+    if let Some(surface) = changing {
+        let [slowest, fastest] = surface.spindle_rev_per_min.map(|speed| number(speed, 5));
+        return Some(format!(
+            "parts at constant surface speed are not judged on which the spindle turns at {slowest} to {fastest} rev/min: D changes along \
+             the path"
+        ));
+    }
+    match () {
+        () if section.chip_spans_not_listed > 0 => {
+            Some("it has more cuts than are listed; further ones are not judged".to_owned())
+        }
+        () if section.unbroken_between_blends().is_some() => Some(
+            "where the vibration is blended out and in at corners, the chip stays whole for a revolution or more"
+                .to_owned(),
+        ),
+        () if nothing_is_cut => Some("nothing is cut with a turning spindle".to_owned()),
+        () => None,
     }
 }
 
@@ -226,7 +238,7 @@ fn text(judged: &[Judged], not_listed: u64, args: &Args) -> String {
                 number(chip.largest_feed_per_rev_mm, 4)
             );
         }
-        if let Some(gap) = section.gap {
+        if let Some(gap) = &section.gap {
             let _ = writeln!(text, "  {gap}");
         }
         if section.beyond_lobes {

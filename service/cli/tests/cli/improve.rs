@@ -336,14 +336,18 @@ fn speeds_keep_to_the_lobes_of_a_file() {
     let given = ["--lobes", lobes.to_str().unwrap(), "--depth", "1.5"];
     let kept = improve(&path, &given);
     assert_eq!((code(&kept), stdout(&kept)), (1, String::new()), "{}", stderr(&kept));
-    for said in ["speeds stay, as none are permitted", "not stable: 1 mm at worst, 0.606 of the largest depth of 1.65 mm"] {
+    for said in
+        ["speeds stay, as none are permitted", "not stable: 1 mm at worst, 0.606 of the largest depth of 1.65 mm"]
+    {
         assert!(stderr(&kept).contains(said), "{said} is not in\n{}", stderr(&kept));
     }
     // 1.65 mm from 1116.25 rev/min on, which may turn 2 % slower.
     let sped = improve(&path, &[&given[..], &["--spindle-speed", "800:1500"]].concat());
     assert_eq!(code(&sped), 0, "{}", stderr(&sped));
     assert!(stdout(&sped).contains("+G21 G97 G99 S1140 M3"), "{}", stdout(&sped));
-    assert!(stderr(&sped).contains("stability margin 0.606") || stderr(&sped).contains("stability margin 0.6061 to 1."));
+    assert!(
+        stderr(&sped).contains("stability margin 0.606") || stderr(&sped).contains("stability margin 0.6061 to 1.")
+    );
     for options in [&["--lobes", "lobes.json"][..], &["--depth", "1.5"], &["--lobes", "nowhere.json", "--depth", "1"]] {
         assert_eq!(code(&improve(&path, options)), 2, "{options:?}");
     }

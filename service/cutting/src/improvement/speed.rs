@@ -6,13 +6,16 @@ use super::stability::StabilityGoal;
 use super::vibration::{Changed, Words, rounded, search};
 use super::words::Word;
 use super::work::Work;
-use crate::shared::wording::decimal;
-use crate::{FeedCoupling, FoundVibration, SectionReport, VibrationSearch};
+use crate::shared::wording::{decimal, round_down, round_to, round_up};
+use crate::{FeedCoupling, FoundVibration, SectionReport, SurfaceCut, VibrationSearch};
 
 /// Steps of a spindle speed that are tried on both sides of the programmed one, as a share of it.
 const STEP: f64 = 0.01;
 /// How many of them.
 const STEPS: u32 = 200;
+/// Decimals of a surface speed.
+const SURFACE_DECIMALS: usize = 1;
+const M_PER_FOOT: f64 = 0.3048;
 
 /// What one block switches on, as programmed.
 pub(super) struct Programmed<'s> {
@@ -75,9 +78,10 @@ fn nearest<S: Surroundings>(
     programmed: &Programmed<'_>,
     [low, high]: [f64; 2],
 ) -> Result<Option<Changed>, S::Error> {
-    let Some((speed, speed_word)) = constant_speed(work, programmed.sections) else { return Ok(None) };
-    for tried in candidates(work, speed, [low, high]) {
-        if tried < low.max(1.0) || tried > high || tried == speed {
+    let Some(word) = constant_speed(work, programmed.sections) else { return Ok(None) };
+    let speed = word.rev_per_min;
+    for (value, tried) in candidates(work, &word, [low, high]) {
+        if tried < low.max(1.0) || tried > high.min(word.max_rev_per_min) || value == word.word.value {
             continue;
         }
         work.step()?;
@@ -86,7 +90,7 @@ fn nearest<S: Surroundings>(
         let arriving = programmed.arriving;
         let Ok(search) = search(&at_speed, arriving, work.config, &work.goals.vibration) else { continue };
         if let Some((found, mut words)) = vibration_at(&search, programmed) {
-            words.push((speed_word, format!("S{}", decimal(tried, 0))));
+            words.push((word.word, format!("S{}", decimal(value, word.decimals))));
             let (margin, speeds) = (arriving * margin(&search, found), Some([speed, tried]));
             return Ok(Some(Changed { found, margin, words, speed_rev_per_min: speeds }));
         }
@@ -106,32 +110,73 @@ fn vibration_at(
     }
 }
 
-/// Speeds to be tried, rev/min, the nearest first: in steps to both sides, and with lobes those that are stable and where that begins
-/// and ends.
-fn candidates<S: Surroundings>(work: &Work<'_, S>, speed: f64, range: [f64; 2]) -> Vec<f64> {
+/// Values of the word of the speed that are tried, and the speeds that they stand for, rev/min, the nearest first: in steps to both
+/// sides, and with lobes those that are stable, where that begins and ends, and between.
+fn candidates<S: Surroundings>(work: &Work<'_, S>, word: &SpeedWord, range: [f64; 2]) -> Vec<(f64, f64)> {
+    let speed = word.rev_per_min;
     let shares = (1..=STEPS).map(|step| STEP * f64::from(step)).flat_map(|share| [1.0 - share, 1.0 + share]);
-    let mut speeds: Vec<f64> = shares.map(|share| (speed * share).round()).collect();
-    let Some(goal) = &work.goals.stability else { return speeds };
+    let mut tried: Vec<(f64, f64)> = shares.map(|share| word.written(speed * share)).collect();
+    let Some(goal) = &work.goals.stability else { return tried };
     let tolerance = work.goals.vibration.speed_tolerance;
     for [from, to] in goal.stable_speeds(tolerance, range) {
-        speeds.extend([from.ceil(), (0.5 * (from + to)).round(), to.floor()]);
+        // Rounded into the stretch.
+        let [low, high] = [
+            round_up(from / word.unit_rev_per_min, word.decimals),
+            round_down(to / word.unit_rev_per_min, word.decimals),
+        ];
+        tried.extend([low, high].map(|value| (value, value * word.unit_rev_per_min)));
+        tried.push(word.written(0.5 * (from + to)));
     }
-    speeds.retain(|tried| goal.judge([*tried; 2], tolerance).is_stable());
-    speeds.sort_by(|a, b| (a - speed).abs().total_cmp(&(b - speed).abs()));
-    speeds.dedup();
-    speeds
+    tried.retain(|(_, at)| goal.judge([*at; 2], tolerance).is_stable());
+    tried.sort_by(|a, b| (a.1 - speed).abs().total_cmp(&(b.1 - speed).abs()));
+    tried.dedup();
+    tried
 }
 
-/// The one spindle speed of these sections, rev/min, and the word that says it.
-fn constant_speed<S: Surroundings>(work: &Work<'_, S>, sections: &[&SectionReport]) -> Option<(f64, Word)> {
+/// The one spindle speed of sections, and the word that says it.
+struct SpeedWord {
+    word: Word,
+    rev_per_min: f64,
+    /// Speed that one unit of the word stands for, rev/min: 1, or under constant surface speed what it makes at the diameter.
+    unit_rev_per_min: f64,
+    decimals: usize,
+    /// Largest speed that is programmed, rev/min.
+    max_rev_per_min: f64,
+}
+
+impl SpeedWord {
+    /// The value nearest to a speed, and the speed that it stands for, rev/min.
+    fn written(&self, rev_per_min: f64) -> (f64, f64) {
+        let value = round_to(rev_per_min / self.unit_rev_per_min, self.decimals);
+        (value, value * self.unit_rev_per_min)
+    }
+}
+
+/// The one spindle speed of these sections: programmed in rev/min, or by a surface speed at one diameter, where no clamp holds.
+fn constant_speed<S: Surroundings>(work: &Work<'_, S>, sections: &[&SectionReport]) -> Option<SpeedWord> {
+    if sections.iter().any(|section| section.surface_speed.is_some()) {
+        return None;
+    }
     let mut spans = sections.iter().flat_map(|section| &section.chip_spans);
-    let speed = spans.next()?.spindle_rev_per_min;
-    if spans.any(|span| span.spindle_rev_per_min != speed) {
+    let first = spans.next()?;
+    let (rev_per_min, surface) = (first.spindle_rev_per_min, first.surface);
+    if spans.any(|span| span.spindle_rev_per_min != rev_per_min || span.surface != surface) {
         return None;
     }
     let first_line = sections.iter().map(|section| section.first_line).min()?;
-    let word = work.word_above(first_line, 'S', 0).filter(|word| (word.value - speed).abs() <= 1e-9 * speed)?;
-    Some((speed, word))
+    let word = work.spindle_word_above(first_line)?;
+    let is = |value: f64| (word.value - value).abs() <= 1e-9 * value;
+    let (decimals, max_rev_per_min) = match surface {
+        None => (0, f64::INFINITY),
+        Some(SurfaceCut { diameter_mm: Some(_), max_rev_per_min, .. }) => (SURFACE_DECIMALS, max_rev_per_min),
+        Some(_) => return None,
+    };
+    let is_meant = match surface {
+        None => is(rev_per_min),
+        Some(surface) => is(surface.m_per_min) || is(surface.m_per_min / M_PER_FOOT),
+    };
+    let unit_rev_per_min = if surface.is_some() { rev_per_min / word.value } else { 1.0 };
+    is_meant.then_some(SpeedWord { word, rev_per_min, unit_rev_per_min, decimals, max_rev_per_min })
 }
 
 /// A section as it would be at another spindle speed.

@@ -120,6 +120,9 @@ pub(super) fn of(sections: &[&SectionReport], goals: &ImprovementGoals) -> Optio
     let mut speeds: Vec<f64> = spans.map(|span| span.spindle_rev_per_min).collect();
     speeds.sort_by(f64::total_cmp);
     speeds.dedup();
-    let judged = speeds.iter().map(|speed| goal.judge([*speed; 2], goals.vibration.speed_tolerance));
+    let changing =
+        sections.iter().filter_map(|section| section.surface_speed.as_ref()).map(|it| it.spindle_rev_per_min);
+    let ranges = speeds.iter().map(|speed| [*speed; 2]).chain(changing);
+    let judged = ranges.map(|range| goal.judge(range, goals.vibration.speed_tolerance));
     judged.min_by(|a, b| a.rank().total_cmp(&b.rank()))
 }

@@ -236,7 +236,7 @@ fn plan<S: Surroundings>(
     let (config, least_amplitude) = (work.config, work.goals.least_amplitude);
     let search = match search(sections, arriving, config, goals) {
         Ok(search) => search,
-        Err(reason) => return Ok(not_possible(0.0, unsearchable(reason))),
+        Err(reason) => return Ok(not_possible(0.0, &unsearchable(reason, sections))),
     };
     let margin = arriving * margin(&search, programmed);
     let words = block.and_then(Words::of);
@@ -293,16 +293,28 @@ fn plan<S: Surroundings>(
     })
 }
 
-const fn unsearchable(reason: Unsearchable) -> &'static str {
-    match reason {
+fn unsearchable(reason: Unsearchable, sections: &[&SectionReport]) -> String {
+    let text = match reason {
         Unsearchable::NoCut => "nothing is cut with a turning spindle",
         Unsearchable::SurfaceSpeed => {
-            "it is cut at constant surface speed, where the vibrations of a revolution change along the path and pass whole \
-             numbers: a constant spindle speed (G97) would make one frequency right"
+            let speeds =
+                sections.iter().filter_map(|section| section.surface_speed.as_ref()).map(|it| it.spindle_rev_per_min);
+            let [slowest, fastest] =
+                speeds.fold([f64::INFINITY, 0.0], |[low, high], it| [low.min(it[0]), high.max(it[1])]);
+            let vibrations = |speed: f64| decimal(60.0 * sections[0].condition.frequency_hz / speed, 2);
+            return format!(
+                "at constant surface speed its spindle turns at {} to {} rev/min, and a revolution has {} to {} vibrations along the path: a \
+                 constant spindle speed (G97) would make one frequency right",
+                decimal(slowest, 0),
+                decimal(fastest, 0),
+                vibrations(fastest),
+                vibrations(slowest)
+            );
         }
         Unsearchable::TooManyCuts => "it has more different cuts than a report lists",
         Unsearchable::NoFrequency => "no frequency of the range is within the limits of the machine and the sampling",
-    }
+    };
+    text.to_owned()
 }
 
 /// The words of a block that switches a vibration on, both written as numbers.

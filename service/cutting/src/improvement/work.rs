@@ -199,7 +199,16 @@ impl<'a, S: Surroundings> Work<'a, S> {
         (1..=line).rev().filter(|line| *line != but).find_map(|line| self.last_word(line, letter))
     }
 
-    /// The same at each of these lines, which ascend; the lines between them are read once.
+    /// The word of the spindle speed in force at a line: on it or above it, and not that of a clamp.
+    pub(super) fn spindle_word_above(&self, line: u32) -> Option<Word> {
+        (1..=line).rev().find_map(|line| {
+            let words = self.lines.words(self.program, line);
+            let is_clamp = words.iter().any(|word| word.letter == 'G' && [50.0, 92.0].contains(&word.value));
+            words.into_iter().rev().find(|word| word.letter == 'S' && !is_clamp)
+        })
+    }
+
+    /// The words in force with this letter at each of these lines, which ascend; the lines between them are read once.
     pub(super) fn words_above(&self, lines: &[u32], letter: char, but: u32) -> Vec<Option<Word>> {
         let Some(first) = lines.first() else { return Vec::new() };
         let mut known = self.word_above(*first, letter, but);

@@ -262,10 +262,14 @@ fn spans(rows: &mut Rows, spans: &[ChipSpan]) {
 }
 
 fn surface_speed_rows(rows: &mut Rows, report: &SurfaceSpeedReport) {
+    let speeds = match (report.min_spindle_rev_per_min, report.max_spindle_rev_per_min) {
+        (Some(slowest), Some(fastest)) => format!(", at {} to {} rev/min", number(slowest, 5), number(fastest, 5)),
+        _ => String::new(),
+    };
     rows.row(
         "surface speed",
         format!(
-            "constant over {} mm: the chip breaks on {} of it",
+            "constant over {} mm{speeds}: the chip breaks on {} of it",
             number(report.length_mm, 4),
             percent(report.broken_share)
         ),

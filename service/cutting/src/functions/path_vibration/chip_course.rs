@@ -14,7 +14,7 @@ use super::chip_blend::{BlendTally, LongestPart, Parts, reached_share};
 use super::chips::{ChipBlock, ChipStretches};
 use super::report::{BlendReport, FEW_JUNCTIONS_SHARE};
 use super::trial_cuts::TrialCuts;
-use super::{OverrideReport, VibrationCondition, VibrationSettings};
+use super::{OverrideReport, SurfaceCut, VibrationCondition, VibrationSettings};
 
 /// A piece that ends this little beyond the place of a change ends there, mm: rounding of path lengths.
 const SAME_PLACE_MM: f64 = 1e-9;
@@ -90,6 +90,15 @@ impl Piece {
             Self::Surface(span) => Some(span.cut_at(((place_mm - span.start_mm) / span.length_mm).clamp(0.0, 1.0))),
             Self::Stopped { .. } => None,
         }
+    }
+
+    /// A span at constant surface speed: where the spindle speed does not change along it, as at one diameter or at its clamp, a piece
+    /// at constant spindle speed.
+    pub(super) fn at_surface_speed(span: LinearSpan) -> Self {
+        let Some((cut, diameter_mm)) = span.steady_cut() else { return Self::Surface(span) };
+        let LinearSpan { line, start_mm, length_mm, surface_speed_m_per_min, max_rev_per_min, .. } = span;
+        let surface = Some(SurfaceCut { m_per_min: surface_speed_m_per_min, diameter_mm, max_rev_per_min });
+        Self::Constant(ChipBlock { line, start_mm, length_mm, cut, surface, feed_override: 1.0 })
     }
 
     /// Largest feed of a revolution, mm; `None` with a stopped spindle.

@@ -1,8 +1,8 @@
 //! Chip breaking along a section at constant spindle speed: stretches of equal cutting conditions.
 
-use super::ChipSpan;
 use super::chip::CutCondition;
 use super::chip_course::WorstCut;
+use super::{ChipSpan, SurfaceCut};
 
 /// Stretches listed in a report.
 const MAX_LISTED_SPANS: usize = 64;
@@ -14,6 +14,8 @@ pub(super) struct ChipBlock {
     pub(super) start_mm: f64,
     pub(super) length_mm: f64,
     pub(super) cut: CutCondition,
+    /// What its spindle speed follows from; `None` where it is programmed itself.
+    pub(super) surface: Option<SurfaceCut>,
     /// The feed override that the cut is at.
     pub(super) feed_override: f64,
 }
@@ -24,7 +26,7 @@ pub(super) struct ChipStretches {
     spans: Vec<ChipSpan>,
     not_listed: u64,
     /// The cut of the last block, listed or not.
-    last: Option<CutCondition>,
+    last: Option<(CutCondition, Option<SurfaceCut>)>,
     /// The cut that is furthest from breaking, and its margin.
     worst: Option<(f64, WorstCut)>,
     length_mm: f64,
@@ -33,9 +35,10 @@ pub(super) struct ChipStretches {
 
 impl ChipStretches {
     pub(super) fn add(&mut self, block: &ChipBlock) {
-        let ChipBlock { line, start_mm, length_mm, cut, feed_override } = *block;
-        let continues = self.last.is_some_and(|last| CutCondition { diameter_mm: cut.diameter_mm, ..last } == cut);
-        self.last = Some(cut);
+        let ChipBlock { line, start_mm, length_mm, cut, surface, feed_override } = *block;
+        let is_same = |(last, known)| (CutCondition { diameter_mm: cut.diameter_mm, ..last }, known) == (cut, surface);
+        let continues = self.last.is_some_and(is_same);
+        self.last = Some((cut, surface));
         let breaking_margin = cut.breaking_margin();
         let broken = cut.breaks_chip();
         self.length_mm += length_mm;
@@ -67,6 +70,7 @@ impl ChipStretches {
                 feed_override,
                 feed_per_rev_mm: cut.feed_per_rev_mm,
                 spindle_rev_per_min: cut.spindle_rev_per_min,
+                surface,
                 vibrations_per_rev: cut.vibrations_per_rev(),
                 breaking_margin,
                 broken,

@@ -43,6 +43,7 @@ pub use envelope::VibrationEnvelope;
 pub use following::FollowingReport;
 pub use report::{
     AxisLoadReport, BlendReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport, SectionReport,
+    SurfaceCut,
 };
 pub use robustness::{ChipRobustness, CutTolerances, chip_robustness};
 pub use search::{FoundVibration, SearchCut, SearchGoals, Unsearchable, VibrationSearch};

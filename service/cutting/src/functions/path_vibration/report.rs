@@ -59,7 +59,7 @@ pub struct SectionReport {
     pub chip_spans: Vec<ChipSpan>,
     /// Further spans, counted but not listed.
     pub chip_spans_not_listed: u64,
-    /// Chip breaking along the parts with constant surface speed.
+    /// Chip breaking along the parts with constant surface speed on which the spindle speed changes.
     pub surface_speed: Option<SurfaceSpeedReport>,
     /// Share of the length cut with a turning spindle on which the chip breaks; `None` when there is none. Under the amplitude
     /// that the blends at junctions let through; the first and the last blend of the section, which every section has, are
@@ -254,7 +254,19 @@ pub struct AxisLoadReport {
     pub utilisation: f64,
 }
 
-/// A stretch of the section at constant spindle speed and feed.
+/// What a spindle speed follows from under constant surface speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceCut {
+    /// Surface speed, m/min.
+    pub m_per_min: f64,
+    /// Diameter of the work, mm; `None` where the largest spindle speed holds.
+    pub diameter_mm: Option<f64>,
+    /// Largest spindle speed that program and machine permit, rev/min.
+    pub max_rev_per_min: f64,
+}
+
+/// A stretch of the section at constant spindle speed and feed: the speed as programmed, or as it follows from a constant surface speed
+/// at one diameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChipSpan {
     /// Line of its first block.
@@ -273,6 +285,8 @@ pub struct ChipSpan {
     pub feed_per_rev_mm: f64,
     /// Spindle speed, rev/min.
     pub spindle_rev_per_min: f64,
+    /// What that follows from; `None` where it is programmed itself.
+    pub surface: Option<SurfaceCut>,
     /// D.
     pub vibrations_per_rev: f64,
     /// 2A·|sin πD|/f_r with the whole amplitude: the chip breaks at 1 and above.

@@ -217,7 +217,8 @@ impl SectionAnalyzer {
                     MachineKind::Mill => 0.0,
                 };
                 let cut = self.cut(span_feed, rev_per_min, diameter_mm);
-                let block = ChipBlock { line, start_mm, length_mm: element.length, cut, feed_override: 1.0 };
+                let block =
+                    ChipBlock { line, start_mm, length_mm: element.length, cut, surface: None, feed_override: 1.0 };
                 self.chips.add(Piece::Constant(block));
             }
             SpindleSpeed::Surface { m_per_min, max_rev_per_min } => {
@@ -274,7 +275,7 @@ impl SectionAnalyzer {
                 surface_speed_m_per_min,
                 max_rev_per_min,
             };
-            self.chips.add(Piece::Surface(span));
+            self.chips.add(Piece::at_surface_speed(span));
         }
     }
 

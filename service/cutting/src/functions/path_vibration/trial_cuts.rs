@@ -30,6 +30,8 @@ struct TrialCut {
     line: u32,
     feed: SpanFeed,
     spindle_rev_per_min: f64,
+    /// Its speed follows from a constant surface speed: another one is no word of the program.
+    at_surface_speed: bool,
     feed_override: f64,
     /// The longest part of its section between two places without vibration; `None` as published.
     longest_part: Option<LongestPart>,
@@ -65,6 +67,7 @@ impl TrialCut {
     /// Whether whatever breaks the chip here breaks it there.
     fn decides_for(&self, other: &Self) -> bool {
         self.spindle_rev_per_min == other.spindle_rev_per_min
+            && self.at_surface_speed == other.at_surface_speed
             && self.feed_override == other.feed_override
             && core::mem::discriminant(&self.feed) == core::mem::discriminant(&other.feed)
             && value_of(self.feed) >= value_of(other.feed)
@@ -174,7 +177,16 @@ impl TrialCuts {
                     FeedCoupling::PerMinute => SpanFeed::PerMinute(cut.feed_per_rev_mm * cut.spindle_rev_per_min),
                 };
                 let (line, spindle_rev_per_min) = (block.line, cut.spindle_rev_per_min);
-                self.add_cut(TrialCut { line, feed, spindle_rev_per_min, feed_override, longest_part: None });
+                let at_surface_speed = block.surface.is_some();
+                let longest_part = None;
+                self.add_cut(TrialCut {
+                    line,
+                    feed,
+                    spindle_rev_per_min,
+                    at_surface_speed,
+                    feed_override,
+                    longest_part,
+                });
             }
             Piece::Surface(span) if self.surface.len() < MAX_SPANS => {
                 self.surface.push(TrialSpan { span, feed_override, longest_part: None });
@@ -218,7 +230,8 @@ impl TrialCuts {
 
     /// The cut that would be furthest from breaking with what arrives; `None` where nothing is cut, or it is not known.
     pub(super) fn worst(&self, tried: Tried, settings: &VibrationSettings) -> Option<TriedCut> {
-        if self.is_incomplete || (tried.spindle_rev_per_min.is_some() && !self.surface.is_empty()) {
+        let has_own_speed = || self.surface.is_empty() && !self.constant.iter().any(|cut| cut.at_surface_speed);
+        if self.is_incomplete || (tried.spindle_rev_per_min.is_some() && !has_own_speed()) {
             return None;
         }
         let VibrationCondition { frequency_hz, amplitude_mm } = tried.condition;

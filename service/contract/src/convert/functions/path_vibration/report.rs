@@ -155,7 +155,7 @@ const fn nearest(nearest: Nearest) -> proto::Nearest {
     proto::Nearest { below: nearest.below, above: nearest.above }
 }
 
-const fn chip_span(span: &ChipSpan) -> proto::ChipSpan {
+fn chip_span(span: &ChipSpan) -> proto::ChipSpan {
     proto::ChipSpan {
         first_line: span.first_line,
         last_line: span.last_line,
@@ -168,6 +168,7 @@ const fn chip_span(span: &ChipSpan) -> proto::ChipSpan {
         vibrations_per_rev: span.vibrations_per_rev,
         breaking_margin: span.breaking_margin,
         broken: span.broken,
+        surface_speed_m_per_min: span.surface.map(|surface| surface.m_per_min),
     }
 }
 
@@ -177,6 +178,8 @@ fn surface_speed(report: &SurfaceSpeedReport) -> proto::SurfaceSpeedReport {
         broken_share: report.broken_share,
         unbroken_spans: report.unbroken_spans.iter().map(unbroken_span).collect(),
         unbroken_spans_not_listed: report.unbroken_spans_not_listed,
+        min_spindle_rev_per_min: Some(report.spindle_rev_per_min[0]),
+        max_spindle_rev_per_min: Some(report.spindle_rev_per_min[1]),
     }
 }
 

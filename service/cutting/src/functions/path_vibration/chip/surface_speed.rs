@@ -86,6 +86,8 @@ pub struct SurfaceSpeedReport {
     pub unbroken_spans: Vec<UnbrokenSpan>,
     /// Further spans, counted but not listed.
     pub unbroken_spans_not_listed: u64,
+    /// Slowest and fastest spindle speed of those parts, rev/min.
+    pub spindle_rev_per_min: [f64; 2],
 }
 
 /// Gathers the spans of one section; bounded memory.
@@ -95,6 +97,8 @@ pub struct SurfaceSpeedAnalysis {
     unbroken_mm: f64,
     spans: Vec<UnbrokenSpan>,
     not_listed: u64,
+    /// Slowest and fastest spindle speed, rev/min.
+    spindle_rev_per_min: Option<[f64; 2]>,
     /// End of the last unbroken span, listed or not.
     last_end_mm: Option<f64>,
 }
@@ -108,10 +112,17 @@ impl SurfaceSpeedAnalysis {
         }
         self.length_mm += span.length_mm;
         let mut from = 0.0;
+        self.turns_at(span.rev_per_min_at(from));
         for to in span.ends_of_linear_parts() {
             self.add_linear(span, from, to);
+            self.turns_at(span.rev_per_min_at(to));
             from = to;
         }
+    }
+
+    fn turns_at(&mut self, rev_per_min: f64) {
+        let [slowest, fastest] = self.spindle_rev_per_min.unwrap_or([rev_per_min; 2]);
+        self.spindle_rev_per_min = Some([slowest.min(rev_per_min), fastest.max(rev_per_min)]);
     }
 
     /// Whether there is a place where the chip does not break.
@@ -127,6 +138,7 @@ impl SurfaceSpeedAnalysis {
             broken_share: (1.0 - self.unbroken_mm / self.length_mm).clamp(0.0, 1.0),
             unbroken_spans: self.spans,
             unbroken_spans_not_listed: self.not_listed,
+            spindle_rev_per_min: self.spindle_rev_per_min.unwrap_or_default(),
         })
     }
 
@@ -214,6 +226,16 @@ impl LinearSpan {
         let mut cuts = [0.0, -clamp_radius_mm, clamp_radius_mm].map(|radius| (radius - start) / (end - start));
         cuts.sort_by(f64::total_cmp);
         cuts.into_iter().filter(|cut| *cut > 0.0 && *cut < 1.0).chain([1.0])
+    }
+
+    /// The cut, where the spindle speed is the same all along the span, and the diameter that it follows from, mm; no diameter where
+    /// the clamp holds.
+    pub(crate) fn steady_cut(&self) -> Option<(CutCondition, Option<f64>)> {
+        let [start_mm, end_mm] = [self.start_radius_mm.abs(), self.end_radius_mm.abs()];
+        let is_clamped = start_mm.max(end_mm) <= self.clamp_radius_mm();
+        let is_round = (self.start_radius_mm - self.end_radius_mm).abs() <= CONTIGUITY_MM;
+        let is_steady = self.is_valid() && (is_clamped || is_round);
+        is_steady.then(|| (self.cut_at(0.0), (!is_clamped).then_some(2.0 * start_mm)))
     }
 
     /// The cut at a share of the span.

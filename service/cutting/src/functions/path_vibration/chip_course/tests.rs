@@ -21,7 +21,7 @@ fn block(start_mm: f64) -> Piece {
         diameter_mm: 10.0,
         feed_coupling: FeedCoupling::PerRevolution,
     };
-    Piece::Constant(ChipBlock { line: 4, start_mm, length_mm: 10.0, cut, feed_override: 1.0 })
+    Piece::Constant(ChipBlock { line: 4, start_mm, length_mm: 10.0, cut, surface: None, feed_override: 1.0 })
 }
 
 #[test]

@@ -418,7 +418,12 @@ fn an_arc_at_constant_surface_speed_agrees_with_sampling() {
     let sampled_share = broken.count() as f64 / f64::from(samples);
     let blocks = vec![(arc.clone(), Feed::PerRevolution(0.02), spindle)];
     let (report, _) = Run::example(60.0, 0.03).with_blocks(blocks).finish();
-    let share = report.surface_speed.unwrap().broken_share;
+    // Where the clamp holds the spindle speed is constant.
+    let surface = report.surface_speed.unwrap();
+    let clamped = report.chip_spans.iter().filter(|span| span.broken).map(|span| span.length_mm);
+    let share = (clamped.sum::<f64>() + surface.broken_share * surface.length_mm) / report.length_mm;
+    assert!(surface.length_mm < report.length_mm && surface.spindle_rev_per_min[1] <= 3_000.0 + 1e-6);
+    assert!((surface.spindle_rev_per_min[0] - 150e3 / (core::f64::consts::TAU * 32.0)).abs() < 1e-6, "{surface:?}");
     assert!((share - sampled_share).abs() < 0.003, "{share} but {sampled_share} sampled");
 }
 
