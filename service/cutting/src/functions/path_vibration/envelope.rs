@@ -76,9 +76,7 @@ impl VibrationSettings {
         let VibrationCondition { frequency_hz, amplitude_mm } = condition;
         let reach_mm = amplitude_mm * self.follows_up_to(amplitude_mm).unwrap_or(1.0);
         match self.envelope {
-            VibrationEnvelope::Blended => {
-                Some((LEAST_RAMP_AMPLITUDES * reach_mm).max(RAMP_PERIODS * feed_mm_per_s / frequency_hz))
-            }
+            VibrationEnvelope::Blended => Some(least_ramp_mm(frequency_hz, reach_mm, feed_mm_per_s)),
             VibrationEnvelope::Published => None,
         }
     }
@@ -219,6 +217,11 @@ impl VibrationDemand {
             jerk: (jerk - jerk_per_acceleration * acceleration) / slope,
         }
     }
+}
+
+/// Length of the blend of a vibration that reaches so far, where it begins at this feed, mm.
+pub(super) fn least_ramp_mm(frequency_hz: f64, reach_mm: f64, feed_mm_per_s: f64) -> f64 {
+    (LEAST_RAMP_AMPLITUDES * reach_mm).max(RAMP_PERIODS * feed_mm_per_s / frequency_hz)
 }
 
 /// From one speed to reserve limits for to the next lower one.

@@ -46,7 +46,7 @@ pub use report::{
     SurfaceCut,
 };
 pub use robustness::{ChipRobustness, CutTolerances, chip_robustness};
-pub use search::{FoundVibration, SearchCut, SearchGoals, Unsearchable, VibrationSearch};
+pub use search::{FoundVibration, SearchBlend, SearchCut, SearchGoals, Unsearchable, VibrationSearch};
 pub use section::SectionAnalyzer;
 pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};
 pub(crate) use state::{Vibration, VibrationInputs};

@@ -19,6 +19,7 @@ use core::f64::consts::TAU;
 
 use feedwave_motion::PathMotion;
 
+use super::envelope::{growth, least_ramp_mm};
 use super::sin_turns;
 
 mod section;
@@ -34,6 +35,8 @@ const MAX_WORK: usize = 50_000_000;
 const GOLDEN_STEPS: u32 = 80;
 /// Steps of a bisection.
 const BISECTION_STEPS: u32 = 80;
+/// Steps in which the largest amplitude is approached from below: each leaves a third of what is missing at most.
+const AMPLITUDE_STEPS: u32 = 24;
 /// Amplitudes that differ by less than this share are the same: the frequency nearest to the preferred one is chosen.
 const SAME_AMPLITUDE: f64 = 1e-9;
 
@@ -68,6 +71,27 @@ pub struct VibrationSearch {
     pub max_amplitude_mm: f64,
     /// Largest velocity, acceleration and jerk of the vibration along the path that every axis can follow, mm/s and so on.
     pub peaks: PathMotion,
+    /// How it is blended in and out, which adds to its peaks; `None` as published.
+    pub blend: Option<SearchBlend>,
+}
+
+/// What the peaks of a vibration grow by where it is blended in and out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchBlend {
+    /// Slowest programmed feed, mm/s: it decides how long a blend is at least.
+    pub least_feed_mm_per_s: f64,
+    /// Fastest one, mm/s, at which a blend goes by.
+    pub top_feed_mm_per_s: f64,
+    /// What an amplitude that follows the feed override adds to the rate of the envelope, per radian.
+    pub following_rate: f64,
+}
+
+impl SearchBlend {
+    /// By what factors the peaks of velocity, acceleration and jerk exceed those of the sine.
+    fn growth(&self, frequency_hz: f64, amplitude_mm: f64) -> [f64; 3] {
+        let ramp_mm = least_ramp_mm(frequency_hz, amplitude_mm, self.least_feed_mm_per_s);
+        growth(self.top_feed_mm_per_s / (TAU * frequency_hz * ramp_mm) + self.following_rate)
+    }
 }
 
 /// What was found.
@@ -170,22 +194,54 @@ impl VibrationSearch {
             }
             edges.extend((0..count as usize).map(|step| (first + step as f64) / end.rev_s));
         }
+        edges.extend(self.blend.iter().flat_map(|blend| self.edges_of_blends(blend)));
         edges.retain(|edge| (low_hz..=high_hz).contains(edge));
         edges.sort_by(f64::total_cmp);
         Some(edges)
     }
 
-    /// 1/A of the largest amplitude A that is permitted, 1/mm: convex and rising.
+    /// The frequencies above which the length of a blend no longer follows from the largest amplitude but from the feed, for each of the
+    /// limits of the axes: there [`Self::closeness`] turns from one convex function to another.
+    fn edges_of_blends(&self, blend: &SearchBlend) -> impl Iterator<Item = f64> {
+        let by_amplitude = |frequency_hz: f64, limit: usize| {
+            let amplitude_mm = 1.0 / self.closeness_of(frequency_hz)[limit];
+            least_ramp_mm(frequency_hz, amplitude_mm, 0.0) > least_ramp_mm(frequency_hz, 0.0, blend.least_feed_mm_per_s)
+        };
+        let [low_hz, high_hz] = self.frequency_hz;
+        (0..3).map(move |limit| {
+            let (mut from_hz, mut to_hz) = (low_hz, high_hz);
+            for _ in 0..BISECTION_STEPS {
+                let middle_hz = 0.5 * (from_hz + to_hz);
+                if by_amplitude(middle_hz, limit) {
+                    from_hz = middle_hz;
+                } else {
+                    to_hz = middle_hz;
+                }
+            }
+            to_hz
+        })
+    }
+
+    /// 1/A of the largest amplitude A that is permitted, 1/mm: rising, and convex in a cell.
     fn closeness(&self, frequency_hz: f64) -> f64 {
+        self.closeness_of(frequency_hz).into_iter().fold(1.0 / self.max_amplitude_mm, f64::max)
+    }
+
+    /// The same of the limits of velocity, acceleration and jerk alone.
+    fn closeness_of(&self, frequency_hz: f64) -> [f64; 3] {
         let rad_per_s = TAU * frequency_hz;
         let PathMotion { velocity, acceleration, jerk } = self.peaks;
-        let limits = [
-            1.0 / self.max_amplitude_mm,
-            rad_per_s / velocity,
-            rad_per_s * rad_per_s / acceleration,
-            rad_per_s * rad_per_s * rad_per_s / jerk,
-        ];
-        limits.into_iter().fold(0.0, f64::max)
+        let sine =
+            [rad_per_s / velocity, rad_per_s * rad_per_s / acceleration, rad_per_s * rad_per_s * rad_per_s / jerk];
+        let Some(blend) = &self.blend else { return sine };
+        core::array::from_fn(|limit| {
+            // A larger amplitude has a longer blend, which adds less: from below it is never beyond the limit.
+            let mut closeness = sine[limit] * blend.growth(frequency_hz, 0.0)[limit];
+            for _ in 0..AMPLITUDE_STEPS {
+                closeness = sine[limit] * blend.growth(frequency_hz, 1.0 / closeness)[limit];
+            }
+            closeness
+        })
     }
 
     /// The best frequency of a cell, within which no end has a whole number of vibrations in a revolution.

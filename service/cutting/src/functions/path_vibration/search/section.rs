@@ -4,12 +4,11 @@ use core::f64::consts::TAU;
 
 use feedwave_motion::PathMotion;
 
-use super::super::envelope::growth;
 use super::super::{
     GenerationMode, MIN_FREQUENCY_HZ, PEAK_RESERVE, RAMP_VIBRATIONS, SectionReport, VibrationEnvelope,
     VibrationSettings,
 };
-use super::{SearchCut, VibrationSearch};
+use super::{SearchBlend, SearchCut, VibrationSearch};
 
 /// Share of the acceleration and the jerk that a vibration may take of what there is of an axis, or on a curve: the rest is the
 /// feed's.
@@ -97,7 +96,12 @@ impl VibrationSearch {
             frequency_hz,
             preferred_hz: programmed_hz,
             max_amplitude_mm: amplitudes.fold(settings.max_amplitude_mm, f64::min) / grows,
-            peaks: peaks(sections, settings, &cuts, follows),
+            peaks: peaks(
+                sections,
+                cuts.iter().map(feed_mm_per_s).fold(0.0, f64::max),
+                settings.amplitude_follows_feed_up_to,
+            ),
+            blend: blend(sections, &cuts, settings.amplitude_follows_feed_up_to.is_some()),
             cuts,
         })
     }
@@ -112,28 +116,41 @@ fn largest_on_contour_mm(section: &SectionReport, settings: &VibrationSettings) 
 }
 
 /// The peaks that every axis can follow beside the feed: those of the vibration at its whole amplitude.
-fn peaks(sections: &[&SectionReport], settings: &VibrationSettings, cuts: &[SearchCut], follows: f64) -> PathMotion {
-    let feeds = cuts.iter().map(|cut| cut.feed_per_rev_mm * cut.spindle_rev_per_min / 60.0);
-    let feed_mm_per_s = feeds.fold(0.0, f64::max);
-    let follows_feed = settings.amplitude_follows_feed_up_to.is_some();
-    let reserve = if follows_feed { follows * PEAK_RESERVE } else { 1.0 };
-    let rate = 1.0 / (2.0 * TAU) + if follows_feed { 1.0 / (TAU * RAMP_VIBRATIONS) } else { 0.0 };
-    let blended = sections.iter().any(|section| section.envelope == VibrationEnvelope::Blended);
-    let [first, second, third] = if blended { growth(rate) } else { [1.0; 3] }.map(|factor| factor * reserve);
+fn peaks(sections: &[&SectionReport], feed_mm_per_s: f64, follows_up_to: Option<f64>) -> PathMotion {
+    let reserve = follows_up_to.map_or(1.0, |follows| follows.max(1.0) * PEAK_RESERVE);
     let mut peaks = PathMotion { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+    let mut is_left = |left: PathMotion| {
+        let velocity = (left.velocity - feed_mm_per_s).max(f64::MIN_POSITIVE);
+        peaks.velocity = peaks.velocity.min(velocity / reserve);
+        peaks.acceleration = peaks.acceleration.min(AXIS_SHARE * left.acceleration / reserve);
+        peaks.jerk = peaks.jerk.min(AXIS_SHARE * left.jerk / reserve);
+    };
     for axis in sections.iter().flat_map(|section| &section.axes).filter(|axis| axis.worst_direction > 0.0) {
         let along = |limit: f64| limit / axis.worst_direction;
-        let velocity = (along(axis.max_velocity_per_s) - feed_mm_per_s).max(f64::MIN_POSITIVE);
-        peaks.velocity = peaks.velocity.min(velocity / first);
-        peaks.acceleration = peaks.acceleration.min(AXIS_SHARE * along(axis.max_acceleration_per_s2) / second);
-        peaks.jerk = peaks.jerk.min(AXIS_SHARE * along(axis.max_jerk_per_s3) / third);
+        is_left(PathMotion {
+            velocity: along(axis.max_velocity_per_s),
+            acceleration: along(axis.max_acceleration_per_s2),
+            jerk: along(axis.max_jerk_per_s3),
+        });
     }
     // Turning takes its part of every axis: a curve leaves less along the path.
-    for curves in sections.iter().filter_map(|section| section.on_curves) {
-        let velocity = (curves.velocity - feed_mm_per_s).max(f64::MIN_POSITIVE);
-        peaks.velocity = peaks.velocity.min(velocity / first);
-        peaks.acceleration = peaks.acceleration.min(AXIS_SHARE * curves.acceleration / second);
-        peaks.jerk = peaks.jerk.min(AXIS_SHARE * curves.jerk / third);
-    }
+    sections.iter().filter_map(|section| section.on_curves).for_each(is_left);
     peaks
+}
+
+/// What the blends of these sections add to the peaks; `None` where all are as published. A following amplitude counts with the
+/// blend of the programmed one, which is shorter.
+fn blend(sections: &[&SectionReport], cuts: &[SearchCut], follows_feed: bool) -> Option<SearchBlend> {
+    let is_blended = sections.iter().any(|section| section.envelope == VibrationEnvelope::Blended);
+    let feeds = || cuts.iter().map(feed_mm_per_s);
+    is_blended.then(|| SearchBlend {
+        least_feed_mm_per_s: feeds().fold(f64::INFINITY, f64::min),
+        top_feed_mm_per_s: feeds().fold(0.0, f64::max),
+        following_rate: if follows_feed { 1.0 / (TAU * RAMP_VIBRATIONS) } else { 0.0 },
+    })
+}
+
+/// Programmed feed of a cut, mm/s.
+fn feed_mm_per_s(cut: &SearchCut) -> f64 {
+    cut.feed_per_rev_mm * cut.spindle_rev_per_min / 60.0
 }

@@ -20,6 +20,7 @@ fn search(cuts: &[(f64, f64)]) -> VibrationSearch {
         preferred_hz: 50.0,
         max_amplitude_mm: 1.0,
         peaks: FREE,
+        blend: None,
     }
 }
 
@@ -73,20 +74,38 @@ fn what_cannot_be_is_none() {
 fn any_search() -> impl Strategy<Value = VibrationSearch> {
     let cuts = proptest::collection::vec((0.005_f64..0.4, 200.0_f64..4_000.0), 1..4);
     let peaks = (2.0_f64..400.0, 500.0_f64..50_000.0, 5e5_f64..5e7);
-    (cuts, any::<bool>(), 0.0_f64..0.04, 1.0_f64..1.6, 1.0_f64..1.5, 5.0_f64..150.0, 1.0_f64..3.0, 0.05_f64..1.0, peaks)
-        .prop_map(|(cuts, feed_per_minute, speed_tolerance, feed_ratio, margin, low_hz, width, max_mm, peaks)| {
-            VibrationSearch {
-                feed_per_minute,
-                speed_tolerance,
-                feed_ratio,
-                margin,
-                frequency_hz: [low_hz, low_hz * width],
-                preferred_hz: low_hz,
-                max_amplitude_mm: max_mm,
-                peaks: PathMotion { velocity: peaks.0, acceleration: peaks.1, jerk: peaks.2 },
-                ..search(&cuts)
-            }
-        })
+    let blend = proptest::option::of((0.05_f64..4.0, 1.0_f64..1.5, prop_oneof![Just(0.0), 0.0_f64..0.04]));
+    (
+        cuts,
+        (any::<bool>(), blend),
+        0.0_f64..0.04,
+        1.0_f64..1.6,
+        1.0_f64..1.5,
+        5.0_f64..150.0,
+        1.0_f64..3.0,
+        0.05_f64..1.0,
+        peaks,
+    )
+        .prop_map(
+            |(cuts, (feed_per_minute, blend), speed_tolerance, feed_ratio, margin, low_hz, width, max_mm, peaks)| {
+                VibrationSearch {
+                    feed_per_minute,
+                    speed_tolerance,
+                    feed_ratio,
+                    margin,
+                    frequency_hz: [low_hz, low_hz * width],
+                    preferred_hz: low_hz,
+                    max_amplitude_mm: max_mm,
+                    peaks: PathMotion { velocity: peaks.0, acceleration: peaks.1, jerk: peaks.2 },
+                    blend: blend.map(|(least_feed_mm_per_s, ratio, following_rate)| SearchBlend {
+                        least_feed_mm_per_s,
+                        top_feed_mm_per_s: ratio * least_feed_mm_per_s,
+                        following_rate,
+                    }),
+                    ..search(&cuts)
+                }
+            },
+        )
 }
 
 /// The least amplitude at a frequency by its definition: every cut at many speeds of its range, judged as validation judges it.
@@ -109,6 +128,42 @@ fn by_definition(search: &VibrationSearch, frequency_hz: f64) -> f64 {
         }
     }
     needed_mm
+}
+
+/// Whether the peaks of a vibration with its blend are within the limits, by their definition.
+fn is_followed(search: &VibrationSearch, frequency_hz: f64, amplitude_mm: f64) -> bool {
+    let rad_per_s = TAU * frequency_hz;
+    let growth = search.blend.map_or([1.0; 3], |blend| {
+        let ramp_mm = (1.2 * amplitude_mm).max(2.0 * blend.least_feed_mm_per_s / frequency_hz);
+        let r = blend.top_feed_mm_per_s / (rad_per_s * ramp_mm) + blend.following_rate;
+        let [b1, b2, b3] = [1.875, 5.774, 60.0];
+        [
+            (b1 * r).hypot(1.0),
+            (1.0 + b2 * r * r).hypot(2.0 * b1 * r),
+            (1.0 + 3.0 * b2 * r * r).hypot(3.0 * b1 * r + b3 * r * r * r),
+        ]
+    });
+    let PathMotion { velocity, acceleration, jerk } = search.peaks;
+    let limits = [velocity, acceleration, jerk].into_iter().zip(growth).zip(1..);
+    amplitude_mm <= search.max_amplitude_mm * (1.0 + 1e-9)
+        && limits
+            .into_iter()
+            .all(|((limit, growth), power)| amplitude_mm * rad_per_s.powi(power) * growth <= limit * (1.0 + 1e-9))
+}
+
+#[test]
+fn the_largest_amplitude_is_what_the_blends_let_the_axes_follow() {
+    let mut runner = TestRunner::new(Config { cases: 500, ..Config::default() });
+    runner
+        .run(&(any_search(), 0.0_f64..1.0), |(search, place)| {
+            let [low_hz, high_hz] = search.frequency_hz;
+            let frequency_hz = low_hz + place * (high_hz - low_hz);
+            let largest_mm = search.largest_amplitude_mm(frequency_hz);
+            prop_assert!(is_followed(&search, frequency_hz, largest_mm), "{} mm", largest_mm);
+            prop_assert!(!is_followed(&search, frequency_hz, largest_mm * (1.0 + 1e-6)), "{} mm", largest_mm);
+            Ok(())
+        })
+        .unwrap();
 }
 
 #[test]
