@@ -163,7 +163,7 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
     if args.format == Format::Json {
         print_json(&shown)?;
     }
-    if !improvement.before.is_accepted() {
+    if !improvement.after.is_accepted() && improvement.steps.is_empty() {
         tell(&report::text(&report_to_proto(&improvement.before), &mut source, Style::stderr())?);
         tell("nothing is improved in a program with errors\n");
         return Ok(ExitCode::from(EXIT_REFUSED));

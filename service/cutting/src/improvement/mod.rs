@@ -8,8 +8,9 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use feedwave_program::{Place, SourceSpan};
+use feedwave_program::{Place, Severity, SourceSpan};
 
+use crate::functions::path_vibration::code;
 use crate::{PipelineConfig, SearchGoals, ValidationReport};
 
 mod actions;
@@ -62,7 +63,7 @@ pub struct ImprovementGoals {
 pub struct Improvement {
     /// The report about the program.
     pub before: ValidationReport,
-    /// The report about what came out; of a program with errors the same.
+    /// The report about what came out; of a program with errors the same, but for those of vibrations that an axis could not follow.
     pub after: ValidationReport,
     /// What came out: the bytes of the program with the changes.
     pub program: Vec<u8>,
@@ -77,7 +78,7 @@ impl Improvement {
     #[must_use]
     pub fn holds(&self) -> bool {
         let possible = |step: &ImprovementStep| step.outcome != ImprovementOutcome::NotPossible;
-        self.before.is_accepted() && self.sections_not_judged() == 0 && self.steps.iter().all(possible)
+        self.after.is_accepted() && self.sections_not_judged() == 0 && self.steps.iter().all(possible)
     }
 
     /// Sections that the report counts and does not list.
@@ -206,19 +207,29 @@ fn improve_once<S: Surroundings>(
 ) -> Result<Improvement, S::Error> {
     let mut work = Work::new(program, config, goals, surroundings);
     let before = work.validate(program)?;
-    if !before.is_accepted() {
+    if !is_improvable(&before) {
         let (after, program) = (before.clone(), program.to_vec());
         return Ok(Improvement { before, after, program, changes: Vec::new(), steps: Vec::new() });
     }
     let mut state = State { edits: Edits::default(), after: before.clone(), steps: Vec::new() };
     let found = work.function_words()?;
     let mut sections = vibration::improve(&mut work, &before, &found, &mut state)?;
-    feed::improve(&mut work, &found, &mut sections, &mut state)?;
-    thread::improve(&mut work, &found, &mut state)?;
-    tolerance::improve(&mut work, &mut state)?;
+    if state.after.is_accepted() {
+        feed::improve(&mut work, &found, &mut sections, &mut state)?;
+        thread::improve(&mut work, &found, &mut state)?;
+        tolerance::improve(&mut work, &mut state)?;
+    }
     let State { edits, after, steps } = state;
     let (program, changes) = (edits.apply(program, &work.lines), edits.into_changes());
     Ok(Improvement { before, after, program, changes, steps })
+}
+
+/// Whether nothing is wrong with a program but vibrations that an axis cannot follow.
+fn is_improvable(report: &ValidationReport) -> bool {
+    let axes = [code::VIB_AXIS_VELOCITY, code::VIB_AXIS_ACCELERATION, code::VIB_AXIS_JERK];
+    let mut errors = report.findings.iter().filter(|finding| finding.severity == Severity::Error).peekable();
+    let is_explained = report.is_accepted() || errors.peek().is_some();
+    is_explained && errors.all(|finding| axes.contains(&finding.code))
 }
 
 /// The program so far.

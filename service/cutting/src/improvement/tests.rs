@@ -2,6 +2,7 @@ use std::convert::Infallible;
 
 use super::*;
 
+mod limits;
 mod stability;
 mod surface_speed;
 use crate::{FoundVibration, MachineProfile, PipelineConfig};
@@ -128,21 +129,31 @@ impl RandomCut {
             .map(move |at| low_hz + (high_hz - low_hz) * f64::from(at) / 2_000.0)
     }
 
-    /// The least amplitude of 2 001 frequencies that leaves every axis more than half of its limits.
+    /// The least amplitude of 2 001 frequencies that leaves every axis a tenth of its limits with the blend as it is, and 1 % for the
+    /// decimals of words.
     fn least_mm(&self, config: &PipelineConfig) -> Option<FoundVibration> {
         let axis = config.profile.machine.axes.iter().find(|axis| axis.axis == feedwave_program::Axis::Z).expect("Z");
-        let easy = |it: &FoundVibration| {
+        let feed_mm_per_s = self.feed_mm * self.rev_per_min / 60.0;
+        let fits = |it: &FoundVibration| {
             let rad_per_s = core::f64::consts::TAU * it.frequency_hz;
-            let [velocity, acceleration, jerk] = [1, 2, 3].map(|power| it.amplitude_mm * rad_per_s.powi(power));
-            it.amplitude_mm < config.profile.vibration.max_amplitude_mm
-                && velocity < 0.45 * axis.max_velocity_per_s
-                && acceleration < 0.45 * axis.max_acceleration_per_s2
-                && jerk < 0.45 * axis.max_jerk_per_s3
+            let ramp_mm = (1.2 * it.amplitude_mm).max(2.0 * feed_mm_per_s / it.frequency_hz);
+            let r = feed_mm_per_s / (rad_per_s * ramp_mm);
+            let [b1, b2, b3] = [1.875, 5.774, 60.0];
+            let growth = [
+                (b1 * r).hypot(1.0),
+                (1.0 + b2 * r * r).hypot(2.0 * b1 * r),
+                (1.0 + 3.0 * b2 * r * r).hypot(3.0 * b1 * r + b3 * r * r * r),
+            ];
+            let peaks = [0, 1, 2].map(|at| 1.01 * it.amplitude_mm * rad_per_s.powi(at + 1) * growth[at as usize]);
+            1.01 * it.amplitude_mm < config.profile.vibration.max_amplitude_mm
+                && peaks[0] < axis.max_velocity_per_s - feed_mm_per_s
+                && peaks[1] < 0.9 * axis.max_acceleration_per_s2
+                && peaks[2] < 0.9 * axis.max_jerk_per_s3
         };
         let all = self
             .frequencies_hz(config)
             .map(|frequency_hz| FoundVibration { frequency_hz, amplitude_mm: self.needed_mm(frequency_hz) });
-        all.filter(easy).min_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))
+        all.filter(fits).min_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))
     }
 }
 
@@ -159,17 +170,20 @@ fn hold_against_all_frequencies(
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         low + (high - low) * (state >> 11) as f64 / (1_u64 << 53) as f64
     };
-    let (mut compared, mut impossible, mut refused) = (0, 0, 0);
+    let (mut compared, mut impossible, mut refused, mut beyond) = (0, 0, 0, 0);
     for case in 0..cases {
         let cut = change(RandomCut::new(&mut random));
         let program = &cut.program;
         let improvement = improved(program, config, &goals);
-        if !improvement.before.is_accepted() {
-            assert!(improvement.changes.is_empty() && improvement.steps.is_empty());
+        if improvement.steps.is_empty() {
+            assert!(improvement.changes.is_empty() && !improvement.before.is_accepted());
             refused += 1;
             continue;
         }
-        is_consistent(program, config, &improvement);
+        beyond += u32::from(!improvement.before.is_accepted());
+        if improvement.after.is_accepted() {
+            is_consistent(program, config, &improvement);
+        }
         let [step] = &improvement.steps[..] else { panic!("one step: {:?}", improvement.steps) };
         let best = cut.least_mm(config);
         let case = format!("seed {seed}, case {case}: {best:?}, {step:?}\n{program}");
@@ -186,6 +200,7 @@ fn hold_against_all_frequencies(
         let got_mm = section.condition.amplitude_mm;
         assert!(got_mm - 1e-4 <= best.amplitude_mm * (1.0 + 1e-3), "{got_mm} mm, {case}");
     }
+    assert!(beyond >= cases / 100, "{beyond} are beyond the limits of an axis as programmed");
     assert!(compared >= cases * 2 / 5, "{compared} compared, {impossible} impossible, {refused} refused");
 }
 

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use feedwave_program::{Finding, Severity};
+
 use super::actions::{FunctionBlock, Meant};
 use super::edits::Edits;
 use super::judged::{self, ROUNDING, Wanted, margin, vibration_text};
@@ -35,6 +37,8 @@ pub(super) struct Section {
     pub(super) programmed: FoundVibration,
     /// How far beyond breaking the worst chip is, at the largest override and the worst speed of the tolerance, with what arrives.
     pub(super) margin: f64,
+    /// The axes can follow it.
+    is_followed: bool,
     /// Largest share of a limit that an axis needs.
     utilisation: f64,
     /// Share of the amplitude that arrives at the chip, where least of it does.
@@ -147,7 +151,7 @@ fn settle<S: Surroundings>(
                 taken_back = true;
             }
         }
-        if !taken_back && !after.is_accepted() {
+        if !taken_back && has_new_errors(before, &after) {
             // What is wrong belongs to no section: nothing is changed.
             for section in &mut *sections {
                 if matches!(section.outcome, Outcome::Changed(_)) {
@@ -162,6 +166,16 @@ fn settle<S: Surroundings>(
             return Ok(());
         }
     }
+}
+
+/// Whether validation refuses something that it did not refuse before.
+fn has_new_errors(before: &ValidationReport, after: &ValidationReport) -> bool {
+    let is_known = |finding: &Finding| {
+        let place = |it: &Finding| (it.code, it.severity, it.span.program, it.span.line);
+        before.findings.iter().any(|known| place(known) == place(finding))
+    };
+    let mut errors = after.findings.iter().filter(|finding| finding.severity == Severity::Error);
+    after.summary.errors > before.summary.errors || errors.any(|finding| !is_known(finding))
 }
 
 /// What becomes worse in a section that stays as it is: it breaks its chips less surely than before and than is wanted, or is no longer
@@ -194,7 +208,14 @@ fn plan_all<S: Surroundings>(
     for section in &report.sections {
         by_line.entry(section.on_line).or_default().push(section);
     }
-    by_line.into_iter().map(|(line, sections)| plan(work, line, &sections, found.blocks.get(&line))).collect()
+    let accepted = report.is_accepted();
+    by_line
+        .into_iter()
+        .map(|(line, sections)| {
+            let is_followed = accepted || sections.iter().all(|section| section.feasible);
+            plan(work, line, &sections, found.blocks.get(&line), is_followed)
+        })
+        .collect()
 }
 
 /// What is looked for in these sections, with what the drives lose commanded besides.
@@ -205,7 +226,26 @@ pub(super) fn search(
     goals: &SearchGoals,
 ) -> Result<VibrationSearch, Unsearchable> {
     let commanded = SearchGoals { margin: goals.margin / arriving, ..*goals };
-    VibrationSearch::of_sections(sections, &config.vibration(), &commanded)
+    if sections.iter().all(|section| section.feasible) {
+        return VibrationSearch::of_sections(sections, &config.vibration(), &commanded);
+    }
+    let own: Vec<SectionReport> = sections.iter().map(|section| with_own_limits(section, config)).collect();
+    let own: Vec<&SectionReport> = own.iter().collect();
+    VibrationSearch::of_sections(&own, &config.vibration(), &commanded)
+}
+
+/// A section with the axes' own limits: where an axis cannot follow, the report has what the vibration as programmed leaves of them.
+fn with_own_limits(section: &SectionReport, config: &PipelineConfig) -> SectionReport {
+    let mut section = section.clone();
+    for load in &mut section.axes {
+        let axis = config.profile.machine.axes.iter().find(|axis| axis.name == load.axis);
+        if let Some(axis) = axis {
+            load.max_velocity_per_s = axis.max_velocity_per_s;
+            load.max_acceleration_per_s2 = axis.max_acceleration_per_s2;
+            load.max_jerk_per_s3 = axis.max_jerk_per_s3;
+        }
+    }
+    section
 }
 
 fn plan<S: Surroundings>(
@@ -213,13 +253,14 @@ fn plan<S: Surroundings>(
     line: u32,
     sections: &[&SectionReport],
     block: Option<&FunctionBlock>,
+    is_followed: bool,
 ) -> Result<Section, S::Error> {
     work.step()?;
     let condition = sections[0].condition;
     let programmed = FoundVibration { frequency_hz: condition.frequency_hz, amplitude_mm: condition.amplitude_mm };
     let goals = &work.goals.vibration;
     let (utilisation, arriving) = (judged::utilisation(sections), judged::arriving(sections, goals));
-    let section = |margin, outcome| Section { line, programmed, margin, utilisation, arriving, outcome };
+    let section = |margin, outcome| Section { line, programmed, margin, is_followed, utilisation, arriving, outcome };
     let not_possible = |margin, reason: &str| section(margin, Outcome::NotPossible(reason.to_owned()));
     if sections.iter().any(|section| section.condition != condition) {
         return Ok(not_possible(0.0, "the block switches on different vibrations, as its words are computed"));
@@ -250,7 +291,7 @@ fn plan<S: Surroundings>(
             Err(reason) => not_possible(margin, &reason),
         });
     }
-    let suffices = margin >= goals.margin * (1.0 - ROUNDING);
+    let suffices = is_followed && margin >= goals.margin * (1.0 - ROUNDING);
     if suffices && let Some((line, revolutions)) = sections.iter().find_map(|it| it.unbroken_between_blends()) {
         let reason = format!(
             "where the vibration is blended out and in at corners, the chip stays whole for up to {} revolutions, first from line {line} \
@@ -404,7 +445,9 @@ fn step(section: &Section, before: &ValidationReport, state: &State, goals: &Imp
         Outcome::Changed(changed) => changed,
     };
     let after: Vec<_> = state.after.sections.iter().filter(|it| it.on_line == *line).collect();
-    let why = if *margin < 1.0 {
+    let why = if !section.is_followed {
+        "an axis cannot follow the vibration".to_owned()
+    } else if *margin < 1.0 {
         "the chip does not break everywhere".to_owned()
     } else {
         format!("the chip breaks with a margin of {}", decimal(*margin, 4))
