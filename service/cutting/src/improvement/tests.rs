@@ -2,6 +2,7 @@ use std::convert::Infallible;
 
 use super::*;
 
+mod corners;
 mod limits;
 mod stability;
 mod surface_speed;

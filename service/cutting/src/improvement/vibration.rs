@@ -17,7 +17,8 @@ use super::{
 };
 use crate::shared::wording::{decimal, round_up, word};
 use crate::{
-    FoundVibration, PipelineConfig, SearchGoals, SectionReport, Unsearchable, ValidationReport, VibrationSearch,
+    FoundVibration, PipelineConfig, SearchGoals, SectionCorners, SectionReport, TooManyCorners, Unsearchable,
+    ValidationReport, VibrationSearch,
 };
 
 /// Decimals of a frequency, Hz.
@@ -39,6 +40,8 @@ pub(super) struct Section {
     pub(super) margin: f64,
     /// The axes can follow it.
     is_followed: bool,
+    /// Where blends at corners leave the chip whole: the line, and revolutions.
+    corner: Option<(u32, f64)>,
     /// Largest share of a limit that an axis needs.
     utilisation: f64,
     /// Share of the amplitude that arrives at the chip, where least of it does.
@@ -260,7 +263,9 @@ fn plan<S: Surroundings>(
     let programmed = FoundVibration { frequency_hz: condition.frequency_hz, amplitude_mm: condition.amplitude_mm };
     let goals = &work.goals.vibration;
     let (utilisation, arriving) = (judged::utilisation(sections), judged::arriving(sections, goals));
-    let section = |margin, outcome| Section { line, programmed, margin, is_followed, utilisation, arriving, outcome };
+    let corner = sections.iter().find_map(|it| it.unbroken_between_blends());
+    let section =
+        |margin, outcome| Section { line, programmed, margin, is_followed, corner, utilisation, arriving, outcome };
     let not_possible = |margin, reason: &str| section(margin, Outcome::NotPossible(reason.to_owned()));
     if sections.iter().any(|section| section.condition != condition) {
         return Ok(not_possible(0.0, "the block switches on different vibrations, as its words are computed"));
@@ -292,18 +297,30 @@ fn plan<S: Surroundings>(
         });
     }
     let suffices = is_followed && margin >= goals.margin * (1.0 - ROUNDING);
-    if suffices && let Some((line, revolutions)) = sections.iter().find_map(|it| it.unbroken_between_blends()) {
-        let reason = format!(
-            "where the vibration is blended out and in at corners, the chip stays whole for up to {} revolutions, first from line {line} \
-             on, whatever the vibration: tangent arcs would let it go on",
-            decimal(round_up(revolutions, 2), 2)
-        );
+    let no_words = "its F and A are not both written as numbers in one block, so no word is changed";
+    let corners = SectionCorners::of(sections, &work.config.vibration());
+    let at_corners = || match &corners {
+        Ok(Some(corners)) => written_at_corners(&search, corners, &as_programmed, least_amplitude),
+        _ => None,
+    };
+    if suffices && let Some((line, revolutions)) = corner {
+        if let Some((found, words)) = at_corners() {
+            let changed =
+                Changed { found, margin: arriving * judged::margin(&search, found), words, speed_rev_per_min: None };
+            return Ok(section(margin, Outcome::Changed(Box::new(changed))));
+        }
+        let why = match (&corners, &words) {
+            (Err(TooManyCorners), _) => "there are too many corners to look for a vibration that breaks it",
+            (_, None) => no_words,
+            _ => "no vibration within the limits breaks it there",
+        };
+        let reason =
+            format!("{}, and {why}: tangent arcs would let the vibration go on", whole_at_corners(line, revolutions));
         return Ok(not_possible(margin, &reason));
     }
     if suffices && !least_amplitude {
         return Ok(section(margin, Outcome::Holds));
     }
-    let no_words = "its F and A are not both written as numbers in one block, so no word is changed";
     let Some(found) = search.solve() else {
         let reason = "no vibration within the range of frequencies, nine tenths of the axes' acceleration and jerk (the rest is kept \
                       for the feed) and the limits of the profile breaks every chip so surely: a smaller feed, a smaller margin \
@@ -322,8 +339,15 @@ fn plan<S: Surroundings>(
         let reason = if passing < 1.0 { blended.as_str() } else { reason };
         return Ok(changed.unwrap_or_else(|| not_possible(margin, reason)));
     };
-    let Some(words) = words else { return Ok(not_possible(margin, no_words)) };
-    Ok(match rounded(&search, found, programmed, &words, least_amplitude) {
+    let Some(words) = &words else { return Ok(not_possible(margin, no_words)) };
+    let plain = rounded(&search, found, programmed, words, least_amplitude);
+    // A vibration that leaves the chip whole at corners is the best only where none breaks it there.
+    let breaks = |it: &FoundVibration| !matches!(&corners, Ok(Some(corners)) if !corners.break_with(*it));
+    let written = match plain {
+        Some((found, changes)) if breaks(&found) => Some((found, changes)),
+        plain => at_corners().or(plain),
+    };
+    Ok(match written {
         Some((_, changes)) if changes.is_empty() => section(margin, Outcome::Holds),
         Some((found, changes)) => {
             let after = arriving * judged::margin(&search, found);
@@ -332,6 +356,34 @@ fn plan<S: Surroundings>(
         }
         None => not_possible(margin, "what is enough cannot be written in the decimals of a word within the limits"),
     })
+}
+
+/// The best vibration that breaks the chip at corners as well, in the decimals of words, where it changes one.
+fn written_at_corners(
+    search: &VibrationSearch,
+    corners: &SectionCorners<'_>,
+    programmed: &Programmed<'_>,
+    least_amplitude: bool,
+) -> Option<(FoundVibration, Vec<(Word, String)>)> {
+    let (words, as_is) = (programmed.words?, programmed.vibration);
+    let found = corners.solve(search)?;
+    // In the nearest decimals it may just miss; a little more amplitude makes up for it.
+    let raised = [0.0, 1e-4, 3e-4, 1e-3].map(|more_mm| VibrationSearch {
+        margin: search.margin * (found.amplitude_mm + more_mm)
+            / search.least_amplitude_mm(found.frequency_hz).unwrap_or(found.amplitude_mm),
+        ..search.clone()
+    });
+    let written = raised.iter().filter_map(|search| rounded(search, found, as_is, words, least_amplitude));
+    let mut written = written.filter(|(vibration, changes)| !changes.is_empty() && corners.break_with(*vibration));
+    written.next()
+}
+
+/// What corners leave of the chip, as a clause.
+fn whole_at_corners(line: u32, revolutions: f64) -> String {
+    format!(
+        "where the vibration is blended out and in at corners, the chip stays whole for up to {} revolutions, first from line {line} on",
+        decimal(round_up(revolutions, 2), 2)
+    )
 }
 
 fn unsearchable(reason: Unsearchable, sections: &[&SectionReport]) -> String {
@@ -449,6 +501,8 @@ fn step(section: &Section, before: &ValidationReport, state: &State, goals: &Imp
         "an axis cannot follow the vibration".to_owned()
     } else if *margin < 1.0 {
         "the chip does not break everywhere".to_owned()
+    } else if let Some((line, revolutions)) = section.corner {
+        whole_at_corners(line, revolutions)
     } else {
         format!("the chip breaks with a margin of {}", decimal(*margin, 4))
     };

@@ -42,11 +42,13 @@ pub(crate) use envelope::VibrationDemand;
 pub use envelope::VibrationEnvelope;
 pub use following::FollowingReport;
 pub use report::{
-    AxisLoadReport, BlendReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport, SectionReport,
-    SurfaceCut,
+    AxisLoadReport, BlendReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport,
+    SectionPartStart, SectionReport, SurfaceCut,
 };
 pub use robustness::{ChipRobustness, CutTolerances, chip_robustness};
-pub use search::{FoundVibration, SearchBlend, SearchCut, SearchGoals, Unsearchable, VibrationSearch};
+pub use search::{
+    FoundVibration, SearchBlend, SearchCut, SearchGoals, SectionCorners, TooManyCorners, Unsearchable, VibrationSearch,
+};
 pub use section::SectionAnalyzer;
 pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};
 pub(crate) use state::{Vibration, VibrationInputs};

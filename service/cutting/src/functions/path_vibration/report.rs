@@ -31,6 +31,8 @@ pub struct SectionReport {
     pub full_amplitude_share: f64,
     /// Junctions of blocks inside the section at which the vibration is blended out and in again.
     pub blended_junctions: u64,
+    /// The parts between them; the first ones where there are very many.
+    pub parts: Vec<SectionPartStart>,
     /// The steps at the ends of a published vibration.
     pub published_ends: Option<PublishedEnds>,
     /// Path length of the section, mm.
@@ -150,13 +152,31 @@ impl SectionReport {
     /// the length: the line, and revolutions.
     #[must_use]
     pub fn unbroken_between_blends(&self) -> Option<(u32, f64)> {
-        let unbroken_share = 1.0 - self.broken_share?;
-        let counts = |blend: &BlendReport| {
-            blend.longest_unbroken_rev >= 1.0 && self.blended_junctions > 0 && unbroken_share > FEW_JUNCTIONS_SHARE
-        };
-        let blend = self.blend.filter(counts)?;
-        Some((blend.longest_unbroken_line?, blend.longest_unbroken_rev))
+        unbroken_between(self.blend.as_ref(), self.broken_share, self.blended_junctions)
     }
+}
+
+/// See [`SectionReport::unbroken_between_blends`].
+pub(super) fn unbroken_between(
+    blend: Option<&BlendReport>,
+    broken_share: Option<f64>,
+    junctions: u64,
+) -> Option<(u32, f64)> {
+    let unbroken_share = 1.0 - broken_share?;
+    let counts = |blend: &&BlendReport| {
+        blend.longest_unbroken_rev >= 1.0 && junctions > 0 && unbroken_share > FEW_JUNCTIONS_SHARE
+    };
+    let blend = blend.filter(counts)?;
+    Some((blend.longest_unbroken_line?, blend.longest_unbroken_rev))
+}
+
+/// Where a part of a section begins between two places without vibration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SectionPartStart {
+    /// Path position in the section, mm.
+    pub start_mm: f64,
+    /// Programmed feed there, mm/s, on which the length of its blends depends.
+    pub feed_mm_per_s: f64,
 }
 
 /// Whether the chip breaks at the largest feed override that the machine permits, whatever the plan runs at.

@@ -22,11 +22,13 @@ use feedwave_motion::PathMotion;
 use super::envelope::{growth, least_ramp_mm};
 use super::sin_turns;
 
+mod corners;
 mod section;
 
 #[cfg(test)]
 mod tests;
 
+pub use corners::{SectionCorners, TooManyCorners};
 pub use section::{SearchGoals, Unsearchable};
 
 /// Most cells times speeds that are looked at.

@@ -13,14 +13,16 @@ use super::following::FollowingLoss;
 use super::loads::AxisLoads;
 use super::trial::Trial;
 use super::{
-    FollowingReport, GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope,
-    VibrationSettings, VibrationWordSpans, sin_turns,
+    FollowingReport, GenerationMode, SamplingReport, SectionPartStart, SectionReport, VibrationCondition,
+    VibrationEnvelope, VibrationSettings, VibrationWordSpans, sin_turns,
 };
 use crate::shared::following::FollowingModel;
 
 /// Pieces in which the radius of an arc counts as linear, for constant surface speed. The chord of a 32nd of
 /// a full circle leaves it by half a hundredth of its radius.
 const ARC_PIECES: u32 = 32;
+/// Parts listed in a report.
+const MAX_LISTED_PARTS: usize = 64;
 
 /// Gathers what validation has to say about one vibrating section.
 #[derive(Clone, Debug)]
@@ -58,6 +60,8 @@ struct Parts {
     /// Length over which it is blended in and out, mm; `None` as published.
     ramp_mm: Option<f64>,
     longest_ramp_mm: Option<f64>,
+    /// Where they begin; the first ones.
+    starts: Vec<SectionPartStart>,
     /// Path length with the whole amplitude in the parts before, mm.
     whole_mm: f64,
     junctions: u64,
@@ -153,6 +157,9 @@ impl SectionAnalyzer {
         self.parts.ramp_mm = self.settings.ramp_mm(self.condition, feed_mm_per_s);
         let [longest, ramp] = [self.parts.longest_ramp_mm, self.parts.ramp_mm];
         self.parts.longest_ramp_mm = longest.into_iter().chain(ramp).reduce(f64::max);
+        if self.parts.starts.len() < MAX_LISTED_PARTS {
+            self.parts.starts.push(SectionPartStart { start_mm: self.length_mm, feed_mm_per_s });
+        }
         self.chips.start_part(self.length_mm, self.parts.ramp_mm, feed_mm_per_s);
         self.loads.start_part(feed_mm_per_s);
     }
@@ -329,6 +336,7 @@ impl SectionAnalyzer {
             ramp_mm: self.parts.longest_ramp_mm,
             full_amplitude_share: self.parts.whole_mm / self.length_mm.max(f64::MIN_POSITIVE),
             blended_junctions: if published { 0 } else { self.parts.junctions },
+            parts: self.parts.starts,
             published_ends,
             length_mm: self.length_mm,
             travel_mm: 2.0 * amplitude_mm,

@@ -423,7 +423,7 @@ fn an_arc_at_constant_surface_speed_agrees_with_sampling() {
     let clamped = report.chip_spans.iter().filter(|span| span.broken).map(|span| span.length_mm);
     let share = (clamped.sum::<f64>() + surface.broken_share * surface.length_mm) / report.length_mm;
     assert!(surface.length_mm < report.length_mm && surface.spindle_rev_per_min[1] <= 3_000.0 + 1e-6);
-    assert!((surface.spindle_rev_per_min[0] - 150e3 / (core::f64::consts::TAU * 32.0)).abs() < 1e-6, "{surface:?}");
+    assert!((surface.spindle_rev_per_min[0] - 150e3 / (TAU * 32.0)).abs() < 1e-6, "{surface:?}");
     assert!((share - sampled_share).abs() < 0.003, "{share} but {sampled_share} sampled");
 }
 
