@@ -7,9 +7,10 @@ use feedwave_program::Feed;
 
 use super::actions::Meant;
 use super::judged::{self, Wanted, vibration_text};
-use super::vibration::{Outcome, Section, Words, rounded, search};
+use super::vibration::{Outcome, Section, search};
 use super::words::Word;
 use super::work::{FunctionWords, Work};
+use super::written::{Words, rounded};
 use super::{ImprovementFigure, ImprovementKind, ImprovementOutcome, ImprovementStep, State, Surroundings, WordChange};
 use crate::shared::wording::{decimal, round_down, word};
 use crate::{FoundVibration, SectionReport, ValidationReport};

@@ -25,6 +25,7 @@ mod tolerance;
 mod vibration;
 mod words;
 mod work;
+mod written;
 
 #[cfg(test)]
 mod tests;

@@ -3,9 +3,10 @@
 use super::Surroundings;
 use super::judged::{margin, vibration_text};
 use super::stability::StabilityGoal;
-use super::vibration::{Changed, Words, rounded, search};
+use super::vibration::{Changed, search};
 use super::words::Word;
 use super::work::Work;
+use super::written::{Words, rounded};
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 use crate::{FeedCoupling, FoundVibration, SectionReport, SurfaceCut, VibrationSearch};
 
