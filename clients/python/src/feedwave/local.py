@@ -23,11 +23,11 @@ from . import _requests
 from ._names import listed, value_of
 from ._options import Said, Settings, StreamOptions, files_of, message_of, settings_of
 from .errors import Details, SourceError, Violation, of_code
-from .improvement import Improvement, check_improved
+from .improvement import Improvement, check_improved, goals_of
 from .program import PIECE_BYTES, Program, ProgramSource
 from .report import Report
 from .setpoints import Layout, Override, Setpoints, of_raw, overrides_of
-from .v1 import improvement_pb2, jobs_pb2, machines_pb2, programs_pb2, report_pb2, setpoints_pb2, tools_pb2
+from .v1 import improvement_pb2, jobs_pb2, lobes_pb2, machines_pb2, programs_pb2, report_pb2, setpoints_pb2, tools_pb2
 
 try:
     from . import _native
@@ -116,6 +116,9 @@ def improve(
     files: Mapping[str, ProgramSource] | Iterable[ProgramSource] = (),
     settings: Settings = Settings(),
     goals: Said[improvement_pb2.ImprovementGoals] = {},
+    lobes: Said[lobes_pb2.StabilityLobes] | None = None,
+    depth_mm: float | None = None,
+    depth_tolerance: float | None = None,
 ) -> Improvement:
     """Improves a program: words that make chips break, feeds and tolerances that save time, each with its reason and gain.
 
@@ -125,6 +128,7 @@ def improve(
         settings: of these offsets matter.
         goals: what is wanted (`feedwave.v1.improvement_pb2.ImprovementGoals`, or a mapping with its fields), such as
             `{"margin": 1.2, "max_feed_per_rev_mm": 0.25}`; defaults without it.
+        lobes, depth_mm, depth_tolerance: as in `Client.improve`.
 
     Returns:
         What came of it: the program, its changes, and reports before and after.
@@ -132,7 +136,7 @@ def improve(
     Raises:
         SourceError: for a program that is larger. Others as in `validate`.
     """
-    said = message_of(improvement_pb2.ImprovementGoals, goals)
+    said = goals_of(goals, lobes, depth_mm, depth_tolerance)
     return _Job(program, machine, tools, files, Settings(offsets=settings_of(settings).offsets)).improve(said)
 
 
