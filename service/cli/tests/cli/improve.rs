@@ -127,9 +127,11 @@ fn what_cannot_be_improved_says_why_and_stays() {
         (turning("F50 A0.03", 1_000, "F0.1"), &["--frequency", "50:50"][..], "no vibration within the range"),
         (turning("F50 A0.03", 1_000, "F0.1"), &["--frequency", "900:950"][..], "no frequency of the range"),
         (
-            turning("F50 A0.03", 1_000, "F0.1").replace("G97 G99 S1000", "G96 G99 S100"),
+            turning("F50 A0.03", 1_000, "F0.1")
+                .replace("G97 G99 S1000", "G96 G99 S100")
+                .replace("G1 Z-30.", "G1 X60. Z-30."),
             &[][..],
-            "constant surface speed",
+            "at constant surface speed its spindle turns at",
         ),
         (
             turning("F#1 A0.03", 1_000, "F0.1").replace("%\r\nO1", "%\r\nO1\r\n#1=50.\r\n(").replace("(\u{fc})", ")"),
