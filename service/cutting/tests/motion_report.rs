@@ -54,6 +54,8 @@ fn what_is_lost_is_what_the_program_takes_longer_than_at_its_feed() {
     for quality in [PlanQuality::Fast, PlanQuality::LeastTime] {
         let mut config = mill();
         config.profile.plan_quality = quality;
+        // The last period of a program is a whole one.
+        config.interpolation_period_us = 250;
         for control in ["G61", "G64 P0.01", "G64 P0.05", "G64 P0.3"] {
             let summary = summary(&square(control), &config);
             let lost_s = summary.duration_s - summary.path_length_mm / FEED_MM_PER_S - CHANGE_S;

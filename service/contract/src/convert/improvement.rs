@@ -59,7 +59,7 @@ impl RequestedGoals {
 /// A checked goal of stability.
 fn stability_goal(goal: &proto::StabilityGoal) -> StabilityGoal {
     StabilityGoal {
-        chart: goal.lobes.iter().flat_map(|lobes| stability_chart(lobes)).collect(),
+        chart: goal.lobes.iter().flat_map(stability_chart).collect(),
         depth_mm: goal.depth_mm,
         depth_tolerance: goal.depth_tolerance.unwrap_or(DEFAULT_DEPTH_TOLERANCE),
     }
@@ -71,7 +71,7 @@ pub fn stability_chart(lobes: &proto::StabilityLobes) -> impl Iterator<Item = (f
 }
 
 fn check_stability(violations: &mut Violations, field: &str, goal: &proto::StabilityGoal) {
-    let chart: Vec<_> = goal.lobes.iter().flat_map(|lobes| stability_chart(lobes)).collect();
+    let chart: Vec<_> = goal.lobes.iter().flat_map(stability_chart).collect();
     let ascends = chart.windows(2).all(|pair| pair[0].0 <= pair[1].0);
     let is_possible = |(speed, limit): &(f64, Option<f64>)| {
         speed.is_finite() && *speed > 0.0 && limit.is_none_or(|limit| limit.is_finite() && limit >= 0.0)
