@@ -18,7 +18,7 @@ const MOST_INTERVALS: usize = 1 << 13;
 const DIP_SHARE: f64 = 0.1;
 /// Part of the squared speed of that braking below which a guess is in a deep dip: short blocks at the limits of the axes all along have shallow
 /// ones, where the coarse plan does.
-const DEEP: f64 = 0.05;
+const DEEP: f64 = 0.15;
 /// How much more than in the middle and at the ends has to be asked at a place of an interval that is held instead of its middle.
 const CLEARLY_MORE: f64 = 1.001;
 
