@@ -2,9 +2,10 @@
 //!
 //! The path is given between two places at which its speed and acceleration are known. Between them b(s) = ṡ² is
 //! sought as a quadratic B-spline ([`problem`]) by an interior point method ([`solver`]), twice: on knots far apart,
-//! which gives the knots of the second time ([`grid`]), or at once on close ones where the path passes narrow bends. Then every limit is examined between the knots as well ([`check`]);
-//! where one is exceeded, it is lowered there and the window is solved again around it ([`keeping`]). What comes out is a [`Course`]
-//! ([`segments`]), or nothing: the caller then keeps the plan that it has.
+//! which gives the knots of the second time ([`grid`]), or at once on close ones where the path passes narrow bends.
+//! Then every limit is examined between the knots as well ([`check`]); where one is exceeded, it is lowered there and the
+//! window is solved again around it ([`keeping`]). What comes out is a [`Course`] ([`segments`]), or nothing: the caller
+//! then keeps the plan that it has.
 //!
 //! From rest b grows with s^(4/3), which is no spline: the path leaves rest, and comes to it, in a short ramp of constant jerk
 //! ([`ramp`]).
