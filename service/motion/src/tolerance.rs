@@ -189,6 +189,12 @@ pub(crate) const TRIED_PERIOD_S: f64 = 1e-3;
 /// any tolerance.
 pub(crate) const LEAST_STOP_KINK: f64 = 0.3;
 
+/// Difference of the directions from which on blocks that turn evenly are no chords of an arc, but have corners (40°).
+pub(crate) const MOST_CHORD_KINK: f64 = 0.7;
+
+/// Difference of the bends between three blocks, as a share of the larger one, within which neither of their corners stands out.
+pub(crate) const LIKE_TURN_SHARE: f64 = 0.6;
+
 /// Longest overlap of two blocks round their corner, as a share of the shorter time of them with stops, up to which plans for the least time try
 /// a stop: what is saved is about the overlap, less what such a plan is above the optimum beside a slow corner.
 pub(crate) const MOST_TRIED_OVERLAP: f64 = 0.2;

@@ -52,9 +52,14 @@ fn bend(before: &Element, after: &Element) -> Option<Vector> {
 }
 
 /// Whether three elements turn as the chords of one arc do.
-pub(super) fn turn_evenly<T>([first, second, third]: [&Entry<T>; 3]) -> bool {
+pub(super) fn turn_evenly<T>(three: [&Entry<T>; 3]) -> bool {
+    turns_differ(three) <= EVEN_TURN_SHARE
+}
+
+/// Difference of the bends between three elements, as a share of the larger one; infinite where they are not straight or do not bend.
+pub(super) fn turns_differ<T>([first, second, third]: [&Entry<T>; 3]) -> f64 {
     let bends = [bend(&first.element, &second.element), bend(&second.element, &third.element)];
-    let [Some(before), Some(behind)] = bends else { return false };
+    let [Some(before), Some(behind)] = bends else { return f64::INFINITY };
     let largest = norm(before).max(norm(behind));
-    largest > 0.0 && norm(difference(behind, before)) <= EVEN_TURN_SHARE * largest
+    if largest > 0.0 { norm(difference(behind, before)) / largest } else { f64::INFINITY }
 }

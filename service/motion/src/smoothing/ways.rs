@@ -10,6 +10,8 @@
 //! sharp corners. In plans of runs the corners behind those that are decided are passed in the same way in the trial: on a path of many
 //! like corners each of them is judged among like ones.
 //!
+//! Corners between chords of an arc are not tried, however sharp they are: a path that is slow along the arc is slow in all of them.
+//!
 //! The interpolation period of trials is always the same, so that the path does not depend on that of the job.
 
 use std::collections::vec_deque;
@@ -19,11 +21,13 @@ use serde::{Deserialize, Serialize};
 use super::curve::Open;
 use super::guided;
 use super::joint::Joint;
+use super::origin::turns_differ;
 use super::turn::TURN_SEEN;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::tolerance::{
-    CORNER_SHARE, CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, MOST_MIXED, MOST_TRIED_BLOCKS,
-    MOST_TRIED_IN_LEAST_TIME, MOST_TRIED_TOGETHER, TRAIL, TRIED_PERIOD_S, WAYS_SEEN,
+    CORNER_SHARE, CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, LIKE_TURN_SHARE,
+    MOST_CHORD_KINK, MOST_MIXED, MOST_TRIED_BLOCKS, MOST_TRIED_IN_LEAST_TIME, MOST_TRIED_TOGETHER, TRAIL,
+    TRIED_PERIOD_S, WAYS_SEEN,
 };
 use crate::{
     Element, LimitPiece, Machine, MotionRequest, PathMotion, Planned, Planner, PlannerSettings, Stretch, Stretches,
@@ -138,14 +142,32 @@ impl<T: Carried> PathSmoother<T> {
         self.pending.front().is_some_and(Entry::is_guided)
     }
 
-    /// The sharp corners among the first joints that may be passed in any way.
+    /// The sharp corners among the first joints that may be passed in any way, but those between chords of an arc.
     fn undecided(&self, joints: usize, least_kink: f64) -> Vec<usize> {
-        let is_open = |joint: &Joint| match *joint {
-            Joint::Corner { kink, way, .. } => kink >= least_kink && way == Way::Open,
-            Joint::Unknown | Joint::Fixed => false,
+        let is_open = |index: usize, joint: &Joint| match *joint {
+            Joint::Corner { kink, reach_mm, way: Way::Open, .. } => {
+                kink >= least_kink && !self.is_in_arc(index, kink, reach_mm)
+            }
+            _ => false,
         };
         let first = self.pending.iter().take(joints).take_while(|entry| entry.is_joinable()).enumerate();
-        first.filter(|(_, entry)| is_open(&entry.joint)).map(|(index, _)| index).collect()
+        first.filter(|&(index, entry)| is_open(index, &entry.joint)).map(|(index, _)| index).collect()
+    }
+
+    /// Whether a corner is one between chords of an arc, which is passed at one speed: between blocks that are short for what it reaches,
+    /// the path turns as it does at the next corner or at the one before, and by little enough.
+    fn is_in_arc(&self, index: usize, kink: f64, reach_mm: f64) -> bool {
+        let is_short = |index: usize| self.pending.get(index).is_some_and(|entry| entry.full_length_mm <= reach_mm);
+        let turns_alike = |first: usize| {
+            let [Some(first), Some(second), Some(third)] =
+                [first, first + 1, first + 2].map(|index| self.pending.get(index))
+            else {
+                return false;
+            };
+            turns_differ([first, second, third]) <= LIKE_TURN_SHARE
+        };
+        let may_be_chords = kink < MOST_CHORD_KINK && is_short(index) && is_short(index + 1);
+        may_be_chords && (turns_alike(index) || index.checked_sub(1).is_some_and(turns_alike))
     }
 
     /// Those of these corners that stay sharp within their tolerances: of a tool that hardly turns otherwise for as long as the blocks
@@ -196,7 +218,10 @@ impl<T: Carried> PathSmoother<T> {
         }
         times_s.push((usual, usual_s));
         times_s.retain(|&(_, seconds)| seconds < least_s * MOST_MIXED);
-        let is_much = count * self.pending.len() > MOST_TRIED_BLOCKS;
+        // Chords of arcs as well: among many of them the path is slow in any way.
+        let passed = self.pending.iter().take(corners[count - 1] + 1);
+        let sharp = passed.filter(|entry| entry.joint.turn() >= LEAST_STOP_KINK).count();
+        let is_much = count.max(sharp) * self.pending.len() > MOST_TRIED_BLOCKS;
         if !trials.are_mixed || corners.len() == 1 || times_s.len() == 1 || is_much {
             return (ways, least_s);
         }
@@ -311,3 +336,6 @@ fn request<T: Carried>(
     seen.push(request.clone());
     Some(request)
 }
+
+#[cfg(test)]
+mod tests;

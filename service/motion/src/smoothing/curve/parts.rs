@@ -87,10 +87,15 @@ impl<T: Carried> PathSmoother<T> {
             }
             let rest_at_end = is_done && entry.rests_at_end();
             let blocks = if is_done { entry.blocks } else { 0 };
-            let (largest_mm, share) = path.deviation(spans, index, [from, to]);
-            let deviation =
-                Deviation { largest_mm: largest_mm + entry.merged.largest_mm, at_mm: share * element.length };
-            let (origin, carried) = (self.origin_in_curve(index), entry.carried.clone());
+            // Nobody asks a trial where its parts are.
+            let (deviation, origin) = if self.is_trial {
+                (Deviation::default(), Origin::default())
+            } else {
+                let (largest_mm, share) = path.deviation(spans, index, [from, to]);
+                let largest_mm = largest_mm + entry.merged.largest_mm;
+                (Deviation { largest_mm, at_mm: share * element.length }, self.origin_in_curve(index))
+            };
+            let carried = entry.carried.clone();
             parts.push(Smoothed { element, carried, blocks, rest_at_end, origin, deviation });
             (at, start) = (reached, end);
             if is_last {
