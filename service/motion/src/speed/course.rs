@@ -12,6 +12,9 @@ use crate::tolerance::{SAME_POINT_MM, SOLVER_STEPS, TIME_PRECISION};
 /// square.
 const NEWTON_SETTLED: f64 = 1e-10;
 
+/// Part of the highest speed around a place below which the path creeps there.
+const CREEP_SHARE: f64 = 0.1;
+
 /// What a course is limited by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -240,11 +243,14 @@ impl Course {
         Self { ends_plan, ..Self::new(segments, length, duration_s, end_speed, reserves) }
     }
 
-    /// Of the places where segments start, within these shares of the time, the one with the least acceleration.
+    /// Of the places where segments start, within these shares of the time, the one with the least acceleration; where the path creeps only
+    /// if it does so all the time: from there another one hardly finds its way.
     fn calmest_place(&self, [from, to]: [f64; 2]) -> f64 {
         let times = from * self.duration_s..to * self.duration_s;
-        let within = self.segments.iter().filter(|segment| times.contains(&segment.start_s));
-        let calmest = within.min_by(|a, b| a.acceleration.abs().total_cmp(&b.acceleration.abs()));
+        let within = || self.segments.iter().filter(|segment| times.contains(&segment.start_s));
+        let fastest = within().map(|segment| segment.speed).fold(0.0, f64::max);
+        let moving = within().filter(|segment| segment.speed >= CREEP_SHARE * fastest);
+        let calmest = moving.min_by(|a, b| a.acceleration.abs().total_cmp(&b.acceleration.abs()));
         calmest.map_or(0.5 * self.length, |segment| segment.s)
     }
 

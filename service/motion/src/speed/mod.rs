@@ -181,8 +181,16 @@ impl SpeedPlanner {
             Some(coarse) => Stage { guess: coarse, is_known: false, ..stage },
             None => Stage { interval_s: DIP_INTERVALS * interval_s, ..stage },
         };
-        // From somewhere else the steps may lead where they did not.
-        self.solve(&task, fine).or_else(|| self.solve(&task, Stage { scale: LEAST_SCALE, ..stage }))
+        let Some(found) = self.solve(&task, fine) else {
+            // From somewhere else the steps may lead where they did not.
+            return self.solve(&task, Stage { scale: LEAST_SCALE, ..stage });
+        };
+        let creeps = coarse.is_some_and(|coarse| found.duration() > MOST_SLOWER * coarse.duration());
+        if !creeps {
+            return Some(found);
+        }
+        let other = self.solve(&task, Stage { interval_s: DIP_INTERVALS * interval_s, ..stage });
+        Some(other.filter(|other| other.duration() < found.duration()).unwrap_or(found))
     }
 
     /// The course on knots at equal times of a guess, which is scaled to start with.
@@ -303,6 +311,9 @@ const FIRST_INTERVALS: f64 = 5.0;
 /// The same of a plan whose knots are those of a guess with deep dips: it passes narrow bends, and intervals are longer for it than for
 /// the guess, which is slower.
 const DIP_INTERVALS: f64 = 0.8;
+/// Ratio of the time of a second plan to that of the first from which on it is taken to creep through bends that the first one has no knots
+/// in, and the knots of the guess are tried: they are close there.
+const MOST_SLOWER: f64 = 1.06;
 /// Parts of the squared speeds that the steps start from: of a guess for a first plan, of that plan, or where no way was found.
 const GUESS_SCALE: f64 = 0.7;
 const FOUND_SCALE: f64 = 0.97;
