@@ -16,6 +16,8 @@ use crate::tolerance::{
 const MOST_AGAIN: f64 = 0.7;
 /// Shares of its cap from which on a coefficient is raised towards it, and at which it is there.
 const NEAR_CAP: [f64; 2] = [0.995, 0.999];
+/// How often parts of a row of raised coefficients are taken back before all of it is.
+const MOST_LOWERINGS: usize = 8;
 /// Largest excess that a limit is lowered by at once; b that falls below zero has no other.
 const MOST_EXCESS: f64 = 2.0;
 
@@ -49,7 +51,7 @@ impl SpeedPlanner {
                 }
                 changed = all();
                 self.c.clone_from(&self.before);
-                is_solved = self.solver.solve(&self.problem, &mut self.c, 0..intervals, options, start);
+                is_solved = self.solve_rows(0..intervals, options, start);
             }
             if !is_solved {
                 return false;
@@ -58,12 +60,23 @@ impl SpeedPlanner {
         false
     }
 
+    /// Improves the coefficients of some intervals within all rows; whether that was possible. The method leaves a little of the rows: what is
+    /// above a commanded speed by that is lowered to it.
+    pub(super) fn solve_rows(&mut self, part: Range<usize>, options: (usize, f64), start: Start) -> bool {
+        let free = part.start + 2..part.end;
+        let is_solved = self.solver.solve(&self.problem, &mut self.c, part, options, start);
+        for (c, &per_cap) in self.c[free.clone()].iter_mut().zip(&self.problem.per_caps[free]) {
+            *c = if per_cap > 0.0 { c.min(1.0 / per_cap) } else { *c };
+        }
+        is_solved
+    }
+
     /// Solves a part of the window again. With its ends as they are it may have no way, as the path is at its limits there: then more
     /// around it, up to what is better solved as a whole.
     fn solve_part(&mut self, part: &mut Range<usize>, options: (usize, f64)) -> bool {
         let intervals = self.worst.len();
         loop {
-            if self.solver.solve(&self.problem, &mut self.c, part.clone(), options, Start::NEAR) {
+            if self.solve_rows(part.clone(), options, Start::NEAR) {
                 return true;
             }
             let own = part.start..part.end + 2;
@@ -108,8 +121,8 @@ impl SpeedPlanner {
         if some as f64 > MOST_AGAIN * intervals as f64 { core::iter::once(0..intervals).collect() } else { changed }
     }
 
-    /// Raises coefficients that are nearly at their caps to them, row by row of them, where all limits are kept then: the method stays a
-    /// little inside of every limit, and a commanded speed is one that the path has to have.
+    /// Raises coefficients that are nearly at their caps to them, where all limits are kept then: the method stays a little inside of every
+    /// limit, and a commanded speed is one that the path has to have.
     pub(super) fn reach_caps(&mut self, path: &Path<'_>) {
         let intervals = self.problem.knots.intervals();
         // Those at either end are given.
@@ -128,13 +141,25 @@ impl SpeedPlanner {
                 index += 1;
                 continue;
             }
-            // A coefficient acts on three intervals, up to the one of its number.
-            let acts = first - 2..index;
+            self.lower_raised(path, first..index);
+        }
+    }
+
+    /// Takes back what of a row of raised coefficients acts where a limit is exceeded then.
+    fn lower_raised(&mut self, path: &Path<'_>, row: Range<usize>) {
+        // A coefficient acts on three intervals, up to the one of its number.
+        let acts = row.start - 2..row.end;
+        for _ in 0..MOST_LOWERINGS {
             let found = (&self.left[..], &mut self.worst[..]);
-            if !check::worst((path, &self.samples), &self.problem.knots, &self.c, found, acts) {
-                self.c[first..index].copy_from_slice(&self.before);
+            if check::worst((path, &self.samples), &self.problem.knots, &self.c, found, acts.clone()) {
+                return;
+            }
+            for interval in acts.clone().filter(|&interval| self.worst[interval].0 > SPEED_CHECKED_SHARE) {
+                let own = interval.max(row.start)..(interval + 3).min(row.end);
+                self.c[own.clone()].copy_from_slice(&self.before[own.start - row.start..own.end - row.start]);
             }
         }
+        self.c[row].copy_from_slice(&self.before);
     }
 }
 

@@ -216,7 +216,7 @@ impl SpeedPlanner {
         }
         self.start_from(task, &knots, &squares, stage.scale);
         self.problem.build(path, (knots, &self.samples), !is_last, &self.holds);
-        if !self.solver.solve(&self.problem, &mut self.c, 0..intervals, (SPEED_STEPS, stage.gap), Start::FAR) {
+        if !self.solve_rows(0..intervals, (SPEED_STEPS, stage.gap), Start::FAR) {
             return None;
         }
         if is_last {
