@@ -34,7 +34,8 @@ export const createJob = async (file, { machine, tools = [], limits, signal }) =
   const source = file.size > limits.inlineProgramBytes
     ? { program: await upload(file, signal) }
     : { inlineProgram: new Uint8Array(await file.arrayBuffer()) };
-  const request = { requestId: hexadecimal(crypto.getRandomValues(new Uint8Array(16)).buffer), machine, tools, displayName: file.name.slice(0, MOST_NAME), ...source };
+  const name = file.name.slice(0, MOST_NAME);
+  const request = { requestId: hexadecimal(crypto.getRandomValues(new Uint8Array(16)).buffer), machine, tools, displayName: name, fileName: name, ...source };
   return (await call("Jobs/CreateJob", request, { signal })).job;
 };
 

@@ -112,6 +112,7 @@ def submit(
         request_id=request_id or str(uuid.uuid4()),
         machine=_machine(machine),
         display_name=program.name if display_name is None else display_name,
+        file_name=program.name,
         tools=tools,
         interpolation_period_us=settings.interpolation_period_us,
         generation_mode=value_of(machines_pb2.GenerationMode, settings.generation_mode),

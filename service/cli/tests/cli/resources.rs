@@ -171,6 +171,11 @@ fn jobs_are_listed_over_all_pages_shown_cancelled_and_deleted() {
     let shown = json(&ok(&service, &["job", "get", &job, "--format", "json"]));
     assert_eq!((&shown["state"], &shown["name"]), (&"JOB_STATE_READY".into(), &job.as_str().into()));
 
+    // Its program came with the request, and is found by the name of its file.
+    let programs = json(&ok(&service, &["program", "list", "--file-name", "spec-trap.nc", "--format", "json"]));
+    assert_eq!(programs["programs"].as_array().unwrap().len(), 1);
+    assert_eq!(programs["programs"][0]["name"], shown["program"]);
+
     let names = |arguments: &[&str]| {
         let text = ok(&service, &[&["job", "list", "--format", "json"], arguments].concat());
         text.lines().map(|line| json(line)["name"].as_str().unwrap().to_owned()).collect::<Vec<_>>()

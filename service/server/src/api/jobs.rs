@@ -126,6 +126,7 @@ impl Api {
         };
         self.check_program_files(&mut violations, "programs", &request.programs, inline_bytes);
         convert::check_display_name(&mut violations, "display_name", &request.display_name);
+        convert::check_display_name(&mut violations, "file_name", &request.file_name);
         let checked = check_settings(
             &mut violations,
             request.interpolation_period_us,
@@ -150,6 +151,7 @@ impl Api {
         if let Some(create_job_request::Source::InlineProgram(program)) = &request.source {
             self.store.put_program(program.clone()).await?;
         }
+        self.name_program(program_id, &request.file_name).await?;
         let fingerprint = CreateJobRequest { request_id: String::new(), ..request.clone() }.encode_to_vec();
         let new = NewJob {
             tenant: self.caller.tenant(),

@@ -83,6 +83,14 @@ fn as_interpretation(request: ImproveRequest) -> InterpretRequest {
 }
 
 impl Api {
+    /// Names a stored program by its file. Without a name it keeps the one that it has.
+    pub(super) async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {
+        if !file_name.is_empty() {
+            self.store.name_program(id, file_name).await?;
+        }
+        Ok(())
+    }
+
     /// Receives a program. What arrived stays when the upload breaks off.
     ///
     /// # Errors
@@ -94,10 +102,7 @@ impl Api {
             None => return Err(Error::invalid("header", "must be set")),
         };
         let expected = self.check_header(&header)?;
-        let name = async |id| match header.file_name.as_str() {
-            "" => Ok(()),
-            name => self.store.name_program(id, name).await,
-        };
+        let name = async |id| self.name_program(id, &header.file_name).await;
         let upload = match self.store.begin_upload(expected, header.program_bytes).await? {
             UploadStart::Unfinished(upload) => upload,
             UploadStart::Complete(program) => {

@@ -64,6 +64,7 @@ async fn every_offending_field_is_named_at_once() {
         oscillation: None,
         programs: vec![ProgramFile::default()],
         offsets: None,
+        file_name: "x".repeat(201),
     };
     let status = test.jobs().create_job(request).await.unwrap_err();
     let (code, reason, fields) = told(&status);
@@ -74,6 +75,7 @@ async fn every_offending_field_is_named_at_once() {
         "source",
         "programs[0].source",
         "display_name",
+        "file_name",
         "interpolation_period_us",
         "generation_mode",
         "vibration_envelope",

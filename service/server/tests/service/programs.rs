@@ -111,6 +111,30 @@ async fn programs_are_found_read_and_deleted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_job_names_the_file_of_its_program() {
+    let test = TestServer::start().await;
+    let list = async |file_name: &str| {
+        let request = ListProgramsRequest { file_name: file_name.to_owned(), ..Default::default() };
+        programs(&test).list_programs(request).await.unwrap().into_inner().programs
+    };
+    let named = |file_name: &str| CreateJobRequest { file_name: file_name.to_owned(), ..lathe_job(MAIN) };
+    let job = test.validated(named("shaft.nc")).await;
+    let [found] = &list("shaft.nc").await[..] else { panic!("one program has the name") };
+    assert_eq!((&found.name, found.file_name.as_str()), (&job.program, "shaft.nc"));
+
+    // Without a name it keeps the one that it has; with another one, stored or not, it has that.
+    test.validated(named("")).await;
+    assert_eq!(list("shaft.nc").await.len(), 1);
+    let stored = Some(Source::Program(job.program.clone()));
+    test.validated(CreateJobRequest { source: stored, ..named("axle.nc") }).await;
+    assert_eq!(list("axle.nc").await[0].name, job.program);
+    assert_eq!(list("shaft.nc").await, []);
+
+    let status = test.jobs().create_job(named(&"n".repeat(201))).await.unwrap_err();
+    assert_eq!(told(&status).2, ["file_name"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn jobs_call_further_files_and_keep_them() {
     let test = TestServer::start().await;
     // Without the file, the finding names what is missing.

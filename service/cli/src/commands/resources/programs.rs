@@ -43,7 +43,7 @@ enum Command {
     /// Show all programs, newest first
     #[command(after_long_help = "Exit codes: 0 shown, 2 wrong usage or no answer.")]
     List {
-        /// Only those uploaded as a file of this name
+        /// Only those whose file has this name
         #[arg(long, value_name = "NAME", default_value = "")]
         file_name: String,
         #[command(flatten)]
