@@ -70,7 +70,11 @@ impl<T: Carried> PathSmoother<T> {
         let steady = joining.corner_speed == CornerSpeed::Steady;
         let is_guided = self.is_guided();
         let sharp = self.undecided(open.last, LEAST_STOP_KINK).len();
-        if self.is_trial || sharp == 0 {
+        if self.is_trial {
+            return Some(false);
+        }
+        if sharp == 0 {
+            self.join_open_corners(open.last);
             return Some(false);
         }
         let usual = Way::Joined;
@@ -107,8 +111,7 @@ impl<T: Carried> PathSmoother<T> {
         }
         self.set_ways(&found.0, &found.1);
         let are_joined = found.1.is_empty();
-        let others = self.undecided(seen.min(open.last), LEAST_STOP_KINK);
-        self.set_ways(&others, &vec![usual; others.len()]);
+        self.join_open_corners(seen.min(open.last));
         Some(!are_joined)
     }
 
@@ -142,21 +145,33 @@ impl<T: Carried> PathSmoother<T> {
         self.pending.front().is_some_and(Entry::is_guided)
     }
 
-    /// The sharp corners among the first joints that may be passed in any way, but those between chords of an arc.
-    fn undecided(&self, joints: usize, least_kink: f64) -> Vec<usize> {
-        let is_open = |index: usize, joint: &Joint| match *joint {
-            Joint::Corner { kink, reach_mm, way: Way::Open, .. } => {
-                kink >= least_kink && !self.is_in_arc(index, kink, reach_mm)
-            }
-            _ => false,
+    /// The sharp corners among the first joints that may be passed in any way.
+    fn open_corners(&self, joints: usize, least_kink: f64) -> impl Iterator<Item = (usize, &Entry<T>)> {
+        let is_open = move |joint: &Joint| match *joint {
+            Joint::Corner { kink, way, .. } => kink >= least_kink && way == Way::Open,
+            Joint::Unknown | Joint::Fixed => false,
         };
         let first = self.pending.iter().take(joints).take_while(|entry| entry.is_joinable()).enumerate();
-        first.filter(|&(index, entry)| is_open(index, &entry.joint)).map(|(index, _)| index).collect()
+        first.filter(move |(_, entry)| is_open(&entry.joint))
+    }
+
+    /// Those of them that are to be tried: all but the ones between chords of an arc.
+    fn undecided(&self, joints: usize, least_kink: f64) -> Vec<usize> {
+        let open = self.open_corners(joints, least_kink);
+        open.filter(|&(index, entry)| !self.is_in_arc(index, entry)).map(|(index, _)| index).collect()
+    }
+
+    /// Passes the corners among the first joints in the curve that are still open, also those between chords of an arc: when the blocks
+    /// before them are gone, nothing tells any more that they are.
+    fn join_open_corners(&mut self, joints: usize) {
+        let corners: Vec<_> = self.open_corners(joints, LEAST_STOP_KINK).map(|(index, _)| index).collect();
+        self.set_ways(&corners, &vec![Way::Joined; corners.len()]);
     }
 
     /// Whether a corner is one between chords of an arc, which is passed at one speed: between blocks that are short for what it reaches,
     /// the path turns as it does at the next corner or at the one before, and by little enough.
-    fn is_in_arc(&self, index: usize, kink: f64, reach_mm: f64) -> bool {
+    fn is_in_arc(&self, index: usize, entry: &Entry<T>) -> bool {
+        let Joint::Corner { kink, reach_mm, .. } = entry.joint else { return false };
         let is_short = |index: usize| self.pending.get(index).is_some_and(|entry| entry.full_length_mm <= reach_mm);
         let turns_alike = |first: usize| {
             let [Some(first), Some(second), Some(third)] =
