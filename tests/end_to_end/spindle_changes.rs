@@ -38,10 +38,15 @@ struct Driven {
 impl Driven {
     /// A run whose first window has been decided on, before any setpoint.
     async fn begin(program: &str, step: f64) -> Self {
+        Self::begin_with(program, faster_by(step)).await
+    }
+
+    /// The same under another monitoring.
+    async fn begin_with(program: &str, config: MonitoringConfig) -> Self {
         let server = Home::new(FEEDWAVE, "").start().await;
         let job = server.connect().await.submit(program).await.job.name;
         let mut telemetry = TelemetryClient::new(server.connect().await.channel);
-        let request = SetMonitoringRequest { job: job.clone(), config: Some(faster_by(step)) };
+        let request = SetMonitoringRequest { job: job.clone(), config: Some(config) };
         telemetry.set_monitoring(request).await.expect("the configuration is valid");
         let channel = server.connect().await.channel;
         let run = LiveClient::begin(channel, &job, RunSettings::default()).await.expect("the run begins");
@@ -56,6 +61,17 @@ impl Driven {
 
     async fn batch(&mut self, events: Vec<MachineEvent>) {
         let batch = TelemetryBatch { events, ..live_runs::batch(self.next_batch) };
+        self.say(batch).await;
+    }
+
+    /// A batch in which the tool bends across, which wants a slower spindle.
+    async fn batch_across(&mut self) {
+        let mut batch = live_runs::batch(self.next_batch);
+        batch.tool.iter_mut().flat_map(|tool| &mut tool.y).for_each(|y| *y += 0.1);
+        self.say(batch).await;
+    }
+
+    async fn say(&mut self, batch: TelemetryBatch) {
         self.next_batch += 1;
         self.run.say(Request::Batch(batch)).await;
     }
@@ -229,5 +245,30 @@ async fn a_speed_that_the_client_refuses_changes_nothing() {
     assert_eq!((ended.state(), driven.run.changes.len()), (RunState::Finished, 0));
     // Nor is the same speed requested again.
     assert_eq!(driven.run.spindle_requests.len(), 1);
+    driven.prove().await;
+}
+
+#[tokio::test]
+async fn the_programmed_speed_that_a_decision_wants_may_be_refused() {
+    // The sections of SECTIONS that may be cut at 1050 rev/min.
+    let section = "G0 Z2.\nG200 F41.66666667 A0.03\nG1 Z4. F0.05\nG201\nG0 X8.\n";
+    let program = format!("G21 G97 S1000 M3\nG0 X6. Z2.\n{}M30\n", section.repeat(3));
+    let mut config = faster_by(0.05);
+    let rules = config.rules.as_mut().expect("it has rules");
+    rules.spindle_bounds = Some(OverrideBounds { lower: 1.0, upper: 1.2 });
+    let mut driven = Driven::begin_with(&program, config).await;
+    let request = driven.requested().await;
+    driven.answer(request.decision_number, SpindleAnswerKind::Reached, None).await;
+    for _ in 0..12 {
+        driven.batch_across().await;
+    }
+    let back = driven.requested().await;
+    assert_eq!((back.spindle, back.rev_per_min), (1.0, Some(1_000.0)));
+    // Everything can be cut at the speed in force: the run goes on at it.
+    let refused = driven.answer(back.decision_number, SpindleAnswerKind::Refused, None).await;
+    let after = refused.outcome.and_then(|outcome| outcome.after).expect("overrides");
+    assert_eq!((reason(&refused), after.spindle), (DecisionReason::SpindleRefused, 1.05));
+    let ended = driven.run.finish().await.expect("the run comes to its end");
+    assert_eq!((ended.state(), driven.run.spindle_requests.len()), (RunState::Finished, 2));
     driven.prove().await;
 }

@@ -33,13 +33,15 @@ pub(super) struct Gate {
     keeps: Keeps,
     /// The place that may be passed: the first setpoint behind it.
     passed: Option<u64>,
+    /// The place behind which nothing can be cut at the speed in force.
+    unfit: Option<u64>,
     /// How long an answer is waited for.
     patience: Duration,
 }
 
 impl Gate {
     pub(super) const fn new(patience: Duration) -> Self {
-        Self { keeps: Keeps::Nothing, passed: None, patience }
+        Self { keeps: Keeps::Nothing, passed: None, unfit: None, patience }
     }
 
     /// Whether setpoints may be generated.
@@ -137,6 +139,9 @@ impl Gate {
                     TrialStep::More | TrialStep::NeedInput(_) => return Ok(ControlFlow::Break(None)),
                     TrialStep::Fails(finding) => {
                         self.keeps = Keeps::Refused;
+                        if spindle == setpoints.spindle_ratio() {
+                            self.unfit = Some(index);
+                        }
                         session.refuse_spindle(spindle, index, &reason(&finding))?;
                         return Ok(ControlFlow::Break(None));
                     }
@@ -177,7 +182,9 @@ impl Gate {
     ) -> Result<Option<proto::RunSpindleRequest>> {
         let rev_per_min = setpoints.rev_per_min_at(spindle);
         session.ask_for_spindle(Some(index), rev_per_min)?;
-        self.keeps = Keeps::Asking { decision, since: Instant::now(), needed: spindle == 1.0 };
+        // The programmed speed may be wanted by a decision as well, without which the run goes on as it was.
+        let needed = spindle == 1.0 && self.unfit == Some(index);
+        self.keeps = Keeps::Asking { decision, since: Instant::now(), needed };
         Ok(Some(proto::RunSpindleRequest { decision_number: decision, setpoint_index: index, spindle, rev_per_min }))
     }
 
