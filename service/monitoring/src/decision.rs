@@ -214,6 +214,14 @@ pub struct SpindlePlan {
     pub refused: Option<f64>,
 }
 
+impl SpindlePlan {
+    /// Whether a planned change waits that would bring another override than this one.
+    #[must_use]
+    pub fn awaits_other_than(&self, spindle: f64) -> bool {
+        self.planned && self.request.is_some_and(|request| request.spindle != spindle)
+    }
+}
+
 /// Everything the decision depends on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Inputs {

@@ -5,7 +5,7 @@ mod common;
 use common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
 use feedwave_monitoring::{
     Action, Batch, BatchError, Decision, Event, EventError, Fallback, HoldReason, MAX_BATCH_SAMPLES, Overrides, Reason,
-    Receipt, SpikeFilter, State,
+    Receipt, SpikeFilter, SpindleRule, State,
 };
 
 /// First sample of the first measuring window of [`cutting`], and some sample well inside it.
@@ -215,6 +215,28 @@ fn silence_while_cutting_brings_the_fallback_once() {
         assert!(decisions[0].is_reproduced());
         assert!(note(&mut monitor, Event::Clock(last + 900_000_000)).is_empty(), "once");
     }
+}
+
+#[test]
+fn silence_gives_up_a_planned_speed_and_takes_it_back_where_it_was_asked_for() {
+    let requested = |setpoint_index| {
+        let mut config = config();
+        config.rules.fallback = Fallback::Full;
+        config.rules.spindle =
+            SpindleRule::Turning { lower_deg: 10.0, upper_deg: 20.0, step: 0.05, min_concentration: 0.1 };
+        let mut monitor = monitor(config).planning_spindle();
+        let columns = cutting([0.05, 0.0], 1);
+        run(&mut monitor, &columns);
+        assert_eq!(monitor.spindle().request.map(|request| request.spindle), Some(1.05));
+        note(&mut monitor, Event::SpindlePlace { setpoint_index, rev_per_min: None });
+        let last = *columns.time_ns.last().unwrap();
+        let decisions = note(&mut monitor, Event::Clock(last + 500_000_001));
+        assert_eq!((reasons(&decisions), decisions[0].outcome.planned_spindle), (vec![Reason::Silence], Some(1.0)));
+        assert!(decisions[0].is_reproduced());
+        monitor.spindle().request.map(|request| request.spindle)
+    };
+    assert_eq!(requested(None), None, "nobody was asked");
+    assert_eq!(requested(Some(38)), Some(1.0), "the machine may have begun to change the speed");
 }
 
 #[test]

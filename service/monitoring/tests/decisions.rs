@@ -163,6 +163,33 @@ fn stops_win_and_threads_hold() {
 }
 
 #[test]
+fn silence_gives_up_a_speed_that_waits_for_its_place() {
+    let waiting = |spindle| SpindleRequest {
+        decision: 7,
+        spindle,
+        from: 1.0,
+        accepted: false,
+        setpoint_index: None,
+        rev_per_min: None,
+    };
+    let silence = |spindle, request: Option<SpindleRequest>| {
+        let mut inputs = inputs(0.005);
+        inputs.before = Overrides { feed: 1.0, spindle };
+        inputs.evidence = Evidence::Silence { tolerated_ns: 500_000_000 };
+        inputs.rules.fallback = Fallback::Full;
+        inputs.spindle = SpindlePlan { planned: true, request, refused: None };
+        let Outcome { reason, planned_spindle, .. } = decide(&inputs);
+        assert_eq!(reason, Reason::Silence);
+        planned_spindle
+    };
+    assert_eq!(silence(1.0, Some(waiting(1.05))), Some(1.0), "the programmed speed is in force, another one waits");
+    assert_eq!(silence(1.05, Some(waiting(1.1))), Some(1.0));
+    assert_eq!(silence(1.05, None), Some(1.0));
+    assert_eq!(silence(1.05, Some(waiting(1.0))), None, "it is requested already");
+    assert_eq!(silence(1.0, None), None);
+}
+
+#[test]
 fn silence_brings_the_configured_fallback() {
     let silence = |fallback, threading| {
         let mut inputs = inputs(0.0);

@@ -37,7 +37,7 @@ pub fn decide(inputs: &Inputs) -> Outcome {
             Fallback::Stop => outcome(Action::Stop, Reason::Silence),
             Fallback::Full if inputs.held => outcome(Action::Hold, Reason::FeedHeld),
             Fallback::Full if inputs.threading => outcome(Action::Hold, Reason::Threading),
-            Fallback::Full if inputs.before != Overrides::FULL => {
+            Fallback::Full if inputs.before != Overrides::FULL || inputs.spindle.awaits_other_than(1.0) => {
                 full(inputs, outcome(Action::Change, Reason::Silence))
             }
             Fallback::Hold | Fallback::Full => outcome(Action::Hold, Reason::Silence),
@@ -53,16 +53,16 @@ pub fn decide(inputs: &Inputs) -> Outcome {
     }
 }
 
-/// Both overrides at 100 %, the spindle's at the next place where it can change.
+/// Both overrides at 100 %, the spindle's at the next place where it can change; what was planned for there is given up.
 fn full(inputs: &Inputs, change: Outcome) -> Outcome {
     if !inputs.spindle.planned {
         return Outcome { after: Overrides::FULL, ..change };
     }
-    let requested = inputs.spindle.request.map_or(inputs.before.spindle, |request| request.spindle);
+    let plan = inputs.spindle;
+    let is_wanted = plan.awaits_other_than(1.0) || (plan.request.is_none() && inputs.before.spindle != 1.0);
     let action = if inputs.before.feed == 1.0 { Action::Keep } else { Action::Change };
     let after = Overrides { feed: 1.0, ..inputs.before };
-    let planned_spindle = (inputs.before.spindle != 1.0 && requested != 1.0).then_some(1.0);
-    Outcome { action, after, planned_spindle, ..change }
+    Outcome { action, after, planned_spindle: is_wanted.then_some(1.0), ..change }
 }
 
 /// What follows from the machine's answer to a decision on the spindle speed.

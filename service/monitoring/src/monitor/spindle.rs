@@ -59,11 +59,17 @@ impl Monitor {
         }
     }
 
-    /// Remembers the request that a decision makes.
+    /// Remembers the request that a decision makes. One for the speed in force gives up what waits; the machine is asked where it
+    /// may have begun to change the speed.
     pub(super) fn request_spindle(&mut self, number: u64, before: Overrides, evidence: Evidence, outcome: &Outcome) {
         let decided = matches!(evidence, Evidence::Process(_) | Evidence::Silence { .. });
         let at_once = Some(outcome.after.spindle).filter(|spindle| decided && *spindle != before.spindle);
         let Some(spindle) = outcome.planned_spindle.or(at_once) else { return };
+        let was_asked = self.run.spindle.request.is_some_and(|request| request.accepted || request.setpoint_index.is_some());
+        if outcome.planned_spindle == Some(before.spindle) && !was_asked {
+            self.run.spindle.request = None;
+            return;
+        }
         self.run.spindle.request = Some(SpindleRequest {
             decision: number,
             spindle,
