@@ -202,21 +202,41 @@ impl Analyser {
             self.power[bin] = 0.5 * (pr * pr + pi * pi + nr * nr + ni * ni);
         }
         let bin_hz = sample_rate_hz / count;
-        // The two bins beside 0 hold what is left of the mean.
-        let first = ((config.min_frequency_hz / bin_hz).ceil() as usize).max(2);
-        let peak =
-            (first..length / 2 - 1).reduce(|best, bin| if self.power[bin] > self.power[best] { bin } else { best })?;
-        let magnitude = |bin: usize| self.power[bin].sqrt();
-        if self.power[peak] <= 0.0 {
-            return None;
-        }
+        let peak = self.peak(config.min_frequency_hz / bin_hz)?;
+        let offset = self.offset(peak);
+        let distance = offset.abs();
+        let sinc = if distance == 0.0 { 1.0 } else { libm::sin(PI * distance) / (PI * distance) };
+        let amplitude = 4.0 / count * self.power[peak].sqrt() * (1.0 - distance * distance) / sinc;
+        Some(((peak as f64 + offset) * bin_hz, amplitude))
+    }
+
+    /// Bin of the largest line at or above `least` bins. The flank of a line outside of the range is none, nor is what the window
+    /// leaves of such a line further off.
+    fn peak(&self, least: f64) -> Option<usize> {
+        let power = &self.power;
+        // The bin beside 0 holds what is left of the mean and of slow changes; the last one has a line beyond half the sample rate.
+        let last = power.len() - 1;
+        let larger = |best: usize, bin: usize| if power[bin] > power[best] { bin } else { best };
+        let tops = || (2..last).filter(|&bin| power[bin] >= power[bin - 1] && power[bin] >= power[bin + 1]);
+        let is_inside = |bin: &usize| *bin as f64 + self.offset(*bin) >= least;
+        let below = tops().filter(|bin| !is_inside(bin)).fold(1, larger);
+        let leaks = |bin: usize| {
+            [below, last].into_iter().any(|outside| {
+                let bins = bin.abs_diff(outside) as f64;
+                // Side lobes of the Hann window: |W(d)/W(0)| is at most 1/(π·d·(d² − 1)), d within half a bin of this.
+                let near = bins - 0.5;
+                near > 1.0 && (power[bin] / power[outside]).sqrt() * PI * near * (near * near - 1.0) < 1.0
+            })
+        };
+        tops().filter(|bin| power[*bin] > 0.0 && is_inside(bin) && !leaks(*bin)).reduce(larger)
+    }
+
+    /// Distance of a line from the bin of its peak, bins.
+    fn offset(&self, peak: usize) -> f64 {
         let (side, sign) =
             if self.power[peak + 1] >= self.power[peak - 1] { (peak + 1, 1.0) } else { (peak - 1, -1.0) };
-        let ratio = magnitude(side) / magnitude(peak);
-        let distance = ((2.0 * ratio - 1.0) / (ratio + 1.0)).clamp(0.0, 0.5);
-        let sinc = if distance == 0.0 { 1.0 } else { libm::sin(PI * distance) / (PI * distance) };
-        let amplitude = 4.0 / count * magnitude(peak) * (1.0 - distance * distance) / sinc;
-        Some(((peak as f64 + sign * distance) * bin_hz, amplitude))
+        let ratio = (self.power[side] / self.power[peak]).sqrt();
+        sign * ((2.0 * ratio - 1.0) / (ratio + 1.0)).clamp(0.0, 0.5)
     }
 }
 

@@ -42,6 +42,37 @@ fn peaks_between_bins_are_interpolated() {
     }
 }
 
+/// The line that is found of one of 0.01 mm at this frequency, beside noise of 0.1 µm from a fixed sequence.
+fn found(frequency_hz: f64, config: &SpectrumConfig) -> Option<(f64, f64)> {
+    let mut record = Record::new(config.samples);
+    let mut state = 1_u32;
+    for index in 0..config.samples {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let noise = 1e-4 * (f64::from(state) / f64::from(u32::MAX) - 0.5);
+        record.push([0.01 * libm::sin(TAU * frequency_hz * f64::from(index) / RATE_HZ + 0.4) + noise, noise]);
+    }
+    Analyser::new(config.samples).line(&record, config, RATE_HZ)
+}
+
+#[test]
+fn a_line_outside_of_the_range_is_no_line_within_it() {
+    // 9.8 Hz from bin to bin: the lines below are within a few bins of 40 Hz, the last ones of half the sample rate.
+    let config = SpectrumConfig { samples: 1024, min_frequency_hz: 40.0, ..config() };
+    for frequency_hz in [12.0, 16.7, 25.0, 33.3, 38.0, 4_997.0, 5_000.5] {
+        let (found_hz, amplitude) = found(frequency_hz, &config).expect("noise has lines");
+        assert!(amplitude < 5e-5, "{frequency_hz} Hz is taken for {found_hz} Hz with {amplitude} mm");
+    }
+}
+
+#[test]
+fn a_line_just_above_the_lowest_frequency_is_what_it_is() {
+    let config = SpectrumConfig { samples: 1024, min_frequency_hz: 40.0, ..config() };
+    for frequency_hz in [41.0, 43.0, 48.0] {
+        let (found_hz, amplitude) = found(frequency_hz, &config).expect("a line");
+        assert!((found_hz - frequency_hz).abs() < 0.2 && (amplitude - 0.01).abs() < 2e-4, "{found_hz} {amplitude}");
+    }
+}
+
 #[test]
 fn an_unfilled_or_silent_record_has_no_line() {
     let config = config();
