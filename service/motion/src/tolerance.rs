@@ -403,3 +403,25 @@ pub(crate) const KEPT_KNOTS: f64 = 0.6;
 pub(crate) const OTHER_WINDOWS: [[f64; 2]; 2] = [[0.5, KEPT_KNOTS], [1.0, 0.9]];
 /// Time of what is left of a window, s, down to which a way on is tried from farther on it; what is left is braking then.
 pub(crate) const LEAST_FOUND_S: f64 = 0.1;
+
+/// Steps per mm of the grid on which trials of ways past corners are stated: finer than 1e-9 mm, and a power of two, so that its places
+/// are exact numbers.
+const GRID_PER_MM: f64 = (1_u64 << 30) as f64;
+
+/// The nearest place of the grid, mm; never −0.
+pub(crate) fn on_grid(value_mm: f64) -> f64 {
+    (value_mm * GRID_PER_MM).round() / GRID_PER_MM + 0.0
+}
+
+/// Trials of ways past corners that are remembered, with less than 1 MB: a raster comes to four in plans for the least time, and to about
+/// ten in fast ones.
+pub(crate) const MOST_ANSWERS: usize = 16;
+
+/// Most pieces of a spline before a trial with which it is remembered.
+pub(crate) const MOST_ASKED_PIECES: usize = 16;
+
+/// Most elements of a trial that is remembered.
+pub(crate) const MOST_ASKED_ELEMENTS: usize = 48;
+
+/// Shortest piece of a spline before a trial that is remembered, mm: on the grid its direction is then off by less than 1e-4.
+pub(crate) const LEAST_ASKED_PIECE_MM: f64 = 1e-4;

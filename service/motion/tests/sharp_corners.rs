@@ -22,6 +22,10 @@ impl Carried for Cut {
     fn commanded_mm_per_s(&self, _: &Element, _: &Machine) -> f64 {
         self.0 / 60.0
     }
+
+    fn is_alike_everywhere(&self) -> bool {
+        true
+    }
 }
 
 /// Time at this feed, mm/min, of a fast plan or of one for the least time, whose speed changes along corners, s.

@@ -1,7 +1,7 @@
 //! What a cutting block asks for besides its path.
 
 use feedwave_motion::{Carried, Element, Machine, top_command};
-use feedwave_program::{Feed, Move, Spindle};
+use feedwave_program::{Feed, Move, Spindle, SpindleSpeed};
 use serde::{Deserialize, Serialize};
 
 /// Feed and spindle of a block; of a rapid, too, where the feed means nothing. What path smoothing carries along.
@@ -39,6 +39,11 @@ impl Carried for Cut {
     fn commanded_mm_per_s(&self, element: &Element, machine: &Machine) -> f64 {
         top_command(element, self.feed, &self.spindle, machine)
     }
+
+    /// Not where the spindle speed follows the diameter.
+    fn is_alike_everywhere(&self) -> bool {
+        matches!(self.feed, Feed::PerMinute(_)) || !matches!(self.spindle.speed, SpindleSpeed::Surface { .. })
+    }
 }
 
 #[cfg(test)]
@@ -47,6 +52,15 @@ mod tests {
 
     fn cut(feed: Feed) -> Cut {
         Cut { feed, spindle: Spindle::STOPPED }
+    }
+
+    #[test]
+    fn a_feed_per_revolution_depends_on_the_diameter_at_constant_surface_speed() {
+        let surface = SpindleSpeed::Surface { m_per_min: 200.0, max_rev_per_min: f64::INFINITY };
+        let at_surface_speed = |feed: Feed| Cut { feed, spindle: Spindle { speed: surface, ..Spindle::STOPPED } };
+        assert!(!at_surface_speed(Feed::PerRevolution(0.1)).is_alike_everywhere());
+        assert!(at_surface_speed(Feed::PerMinute(100.0)).is_alike_everywhere());
+        assert!(cut(Feed::PerRevolution(0.1)).is_alike_everywhere());
     }
 
     #[test]

@@ -8,6 +8,8 @@
 use feedwave_program::{Axis, Position, SplineGeometry};
 use serde::{Deserialize, Serialize};
 
+mod on_grid;
+
 use super::bezier::{Bezier, Weighted};
 use super::fit;
 use super::polynomial::{Bernstein, COEFFICIENTS, Part, bernstein, halves, raise_to_largest, shifted};

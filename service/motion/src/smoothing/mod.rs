@@ -19,6 +19,7 @@
 //! Smoothing looks ahead over one run of mergeable lines, one window of the curve and some elements behind a sharp corner, and keeps
 //! nothing else but the last pieces that it gave on.
 
+mod answers;
 mod corner;
 mod curve;
 mod guided;
@@ -38,6 +39,7 @@ use std::collections::VecDeque;
 use feedwave_program::{Axis, PathControl};
 use serde::{Deserialize, Serialize};
 
+use self::answers::Answers;
 pub use self::corner::CornerSpeed;
 use self::corner::Rounding;
 use self::curve::Open;
@@ -62,6 +64,11 @@ pub trait Carried: Clone + PartialEq {
     /// less time at this speed.
     fn commanded_mm_per_s(&self, _element: &Element, _machine: &Machine) -> f64 {
         f64::INFINITY
+    }
+
+    /// Whether that speed is the same wherever an element of this shape lies: corners that are alike are then decided once.
+    fn is_alike_everywhere(&self) -> bool {
+        false
     }
 }
 
@@ -101,6 +108,9 @@ pub struct PathSmoother<T> {
     /// Whether it is a trial itself.
     #[serde(skip)]
     is_trial: bool,
+    /// How corners were decided that may come again. No state: what it says would be found again.
+    #[serde(skip, default = "Answers::default")]
+    answers: Answers<T>,
 }
 
 /// A sharp corner before what is held.
@@ -157,6 +167,7 @@ impl<T> Default for PathSmoother<T> {
             passed: Passed::default(),
             trail: VecDeque::new(),
             is_trial: false,
+            answers: Answers::default(),
         }
     }
 }

@@ -14,6 +14,10 @@ impl Carried for Cut {
         let slower = self.0.min(next.0);
         (slower > 0.0).then_some(Self(slower))
     }
+
+    fn is_alike_everywhere(&self) -> bool {
+        true
+    }
 }
 
 pub(super) const fn within(tolerance_mm: f64, merge_tolerance_mm: f64) -> PathControl {

@@ -53,12 +53,13 @@ pub(super) enum Way {
 }
 
 /// What is tried, on how much of the path.
-struct Trials {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Trials {
     usual: Way,
     others: &'static [Way],
     /// Most elements of what is held, and pieces before it.
-    elements: usize,
-    trail: usize,
+    pub(super) elements: usize,
+    pub(super) trail: usize,
     /// Whether the corners are tried in ways of their own.
     are_mixed: bool,
 }
@@ -103,7 +104,7 @@ impl<T: Carried> PathSmoother<T> {
             if count == 0 {
                 continue;
             }
-            let (mut ways, seconds) = self.quickest(Some(open), &corners, count, &trials, joining);
+            let (mut ways, seconds) = self.answer(Some(open), &corners, count, trials, joining);
             ways.truncate(count);
             if seconds < least_s && ways.iter().any(|&way| way != usual) {
                 (least_s, found) = (seconds, (corners, ways));
@@ -128,16 +129,16 @@ impl<T: Carried> PathSmoother<T> {
         let corners = self.undecided(WAYS_SEEN, LEAST_ALONE_KINK);
         let (usual, others) = (Way::Alone, &[Way::Stop, Way::Rounded]);
         let trials = Trials { usual, others, elements: usize::MAX, trail: TRAIL, are_mixed: false };
-        let (ways, _) = self.quickest(None, &corners, 1, &trials, joining);
+        let (ways, _) = self.answer(None, &corners, 1, trials, joining);
         self.set_ways(&corners, &ways[..1]);
         false
     }
 
     /// The quickest ways found to pass the two corners of a U-turn.
-    pub(super) fn quickest_turn(&self, corners: &[usize], joining: Joining<'_>) -> Vec<Way> {
+    pub(super) fn quickest_turn(&mut self, corners: &[usize], joining: Joining<'_>) -> Vec<Way> {
         let others = &[Way::Alone, Way::Turned];
         let trials = Trials { usual: Way::Open, others, elements: TURN_SEEN, trail: 1, are_mixed: false };
-        self.quickest(None, corners, corners.len(), &trials, joining).0
+        self.answer(None, corners, corners.len(), trials, joining).0
     }
 
     /// Whether the tool centre point is guided.
@@ -201,7 +202,7 @@ impl<T: Carried> PathSmoother<T> {
 
     /// The quickest ways found to pass these corners, of which `count` are to be decided: the first way, or others for all of them or for
     /// some; and the time of their plan, s, or what others would have had to take less than.
-    fn quickest(
+    pub(super) fn quickest(
         &self,
         open: Option<&Open>,
         corners: &[usize],

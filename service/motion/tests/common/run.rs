@@ -19,6 +19,10 @@ impl Carried for Cut {
     fn at_corner(&self, _: &Self) -> Option<Self> {
         Some(Self)
     }
+
+    fn is_alike_everywhere(&self) -> bool {
+        true
+    }
 }
 
 /// `G64` with this tolerance, and no merging.

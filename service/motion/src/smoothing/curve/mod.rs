@@ -47,6 +47,12 @@ pub(super) struct Open {
 }
 
 impl Open {
+    /// The same that starts on another element, at its start, where it starts so.
+    pub(super) fn on<T>(&self, front: &Entry<T>) -> Option<Self> {
+        let start = State { is_free: self.start.is_free, ..exact(&front.element, 0.0) };
+        self.is_at_its_start().then_some(Self { start, rest: Vec::new(), last: self.last, next_try: self.next_try })
+    }
+
     /// Whether nothing of it is settled.
     pub(super) fn is_at_its_start(&self) -> bool {
         self.rest.is_empty()

@@ -1,0 +1,235 @@
+//! Corners that are alike are decided once.
+//!
+//! What is held of the path is stated from its first corner, on a grid that is finer than a position has to be, without what no plan
+//! depends on: lines of the program, blocks that are carried out, the offset and the travel of the machine. The ways of its corners are
+//! then tried on that, whether the same was tried before or not. So an answer that is remembered is the one that would be found again,
+//! bit for bit, and the path does not depend on what is remembered.
+//!
+//! That is done of lines in X, Y and Z whose commanded speed is the same everywhere, behind lines and short splines. The corners of others
+//! are tried where they are.
+
+use std::collections::VecDeque;
+
+use feedwave_program::{Axis, Position, SourceSpan};
+
+use super::curve::Open;
+use super::joint::Joint;
+use super::origin::{Deviation, Origin};
+use super::trim::distance;
+use super::vector::linear;
+use super::ways::{Trials, Way};
+use super::{Carried, CornerSpeed, Entry, Joining, Passed, PathSmoother, Smoothed};
+use crate::tolerance::{LEAST_ASKED_PIECE_MM, MOST_ANSWERS, MOST_ASKED_ELEMENTS, MOST_ASKED_PIECES, on_grid};
+use crate::{Curve, Element, Machine, Spline};
+
+/// Everything that a decision depends on besides the machine.
+#[derive(Debug, PartialEq)]
+struct Question<T> {
+    held: PathSmoother<T>,
+    open: Option<Open>,
+    corners: Vec<usize>,
+    count: usize,
+    trials: Trials,
+    corner_speed: CornerSpeed,
+}
+
+/// Ways, and the time that was found with them, s.
+type Answer = (Vec<Way>, f64);
+
+/// The last questions and their answers.
+#[derive(Debug)]
+pub(super) struct Answers<T> {
+    known: VecDeque<(Question<T>, Answer)>,
+    /// The machine that they are of, without its travel.
+    machine: Option<Machine>,
+}
+
+impl<T> Default for Answers<T> {
+    fn default() -> Self {
+        Self { known: VecDeque::new(), machine: None }
+    }
+}
+
+/// A copy finds its own.
+impl<T> Clone for Answers<T> {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+/// No state: with others the path is the same.
+impl<T> PartialEq for Answers<T> {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl<T: Carried> Answers<T> {
+    /// The answer to a question on a machine, found where it is not remembered.
+    fn to(&mut self, question: Question<T>, machine: &Machine) -> Answer {
+        if !self.machine.as_ref().is_some_and(|own| is_same(own, machine)) {
+            self.known.clear();
+            self.machine = None;
+        }
+        let machine = self.machine.get_or_insert_with(|| without_travel(machine));
+        if let Some((_, answer)) = self.known.iter().rev().find(|(known, _)| *known == question) {
+            return answer.clone();
+        }
+        let Question { held, open, corners, count, trials, corner_speed } = &question;
+        let joining = Joining { machine, many_blocks: true, corner_speed: *corner_speed, corners: None };
+        let answer = held.quickest(open.as_ref(), corners, *count, trials, joining);
+        if self.known.len() >= MOST_ANSWERS {
+            self.known.pop_front();
+        }
+        self.known.push_back((question, answer.clone()));
+        answer
+    }
+}
+
+fn without_travel(machine: &Machine) -> Machine {
+    let mut machine = machine.clone();
+    for axis in &mut machine.axes {
+        (axis.travel_min, axis.travel_max) = (None, None);
+    }
+    machine
+}
+
+/// Whether a machine is this one but for its travel.
+fn is_same(own: &Machine, machine: &Machine) -> bool {
+    *own == without_travel(machine)
+}
+
+impl<T: Carried> PathSmoother<T> {
+    /// [`PathSmoother::quickest`], where corners that are alike get the same answer.
+    pub(super) fn answer(
+        &mut self,
+        open: Option<&Open>,
+        corners: &[usize],
+        count: usize,
+        trials: Trials,
+        joining: Joining<'_>,
+    ) -> Answer {
+        match self.question(open, corners, count, trials, joining.corner_speed) {
+            Some(question) => self.answers.to(question, joining.machine),
+            None => self.quickest(open, corners, count, &trials, joining),
+        }
+    }
+
+    /// What is to be decided, wherever it lies; `None` where it depends on that.
+    fn question(
+        &self,
+        open: Option<&Open>,
+        corners: &[usize],
+        count: usize,
+        trials: Trials,
+        corner_speed: CornerSpeed,
+    ) -> Option<Question<T>> {
+        let front = &self.pending.front()?.element;
+        let place = Place { origin: front.end, work_offset: front.work_offset };
+        let trail = self.trail.range(self.trail.len().saturating_sub(trials.trail)..);
+        let trail: VecDeque<_> = trail.map(|piece| place.piece(piece)).collect::<Option<_>>()?;
+        let elements = self.pending.iter().take(trials.elements).take_while(|entry| entry.is_joinable());
+        let pending: VecDeque<_> =
+            elements.take(MOST_ASKED_ELEMENTS + 1).map(|entry| place.entry(entry)).collect::<Option<_>>()?;
+        if pending.len() > MOST_ASKED_ELEMENTS {
+            return None;
+        }
+        let open = match open {
+            Some(open) => Some(open.on(pending.front()?)?),
+            None => None,
+        };
+        // It is asked for by plans of runs only.
+        let passed = match corner_speed {
+            CornerSpeed::Steady => {
+                Passed { distance_mm: on_grid(self.passed.distance_mm), kink: on_grid(self.passed.kink) }
+            }
+            CornerSpeed::Changing => Passed::default(),
+        };
+        let held = Self { pending, passed, trail, is_trial: true, ..Self::default() };
+        Some(Question { held, open, corners: corners.to_vec(), count, trials, corner_speed })
+    }
+}
+
+/// Where a question is asked.
+struct Place {
+    origin: Position,
+    work_offset: Position,
+}
+
+impl Place {
+    fn position(&self, position: &Position) -> Position {
+        core::array::from_fn(|axis| on_grid(position[axis] - self.origin[axis]))
+    }
+
+    /// An element on the grid, from the origin; `None` of arcs and others that cannot be put there.
+    fn element(&self, element: &Element) -> Option<Element> {
+        if element.work_offset != self.work_offset {
+            return None;
+        }
+        let (start, end) = (self.position(&element.start), self.position(&element.end));
+        let (curve, length) = match &element.curve {
+            Curve::Line => (Curve::Line, distance(&start, &end)),
+            Curve::Spline(spline) => {
+                let spline = spline.on_grid(linear(&self.origin), MOST_ASKED_PIECES, LEAST_ASKED_PIECE_MM)?;
+                let length = spline.length_mm();
+                (Curve::Spline(Box::new(spline)), length)
+            }
+            Curve::Arc(_) | Curve::FiveAxis(_) => return None,
+        };
+        let (work_offset, source, rapid) = (Position::default(), SourceSpan::default(), element.rapid);
+        let is_long_enough = length >= LEAST_ASKED_PIECE_MM;
+        is_long_enough.then_some(Element { start, end, work_offset, curve, length, source, rapid })
+    }
+
+    fn entry<T: Carried>(&self, entry: &Entry<T>) -> Option<Entry<T>> {
+        let is_line = matches!(entry.element.curve, Curve::Line) && entry.is_smoothable();
+        if !is_line || !entry.carried.is_alike_everywhere() {
+            return None;
+        }
+        let element = self.element(&entry.element)?;
+        let is_whole = entry.element.length == entry.full_length_mm;
+        Some(Entry {
+            full_length_mm: if is_whole { element.length } else { on_grid(entry.full_length_mm) },
+            element,
+            control: entry.control,
+            carried: entry.carried.clone(),
+            blocks: 1,
+            merged: Deviation { largest_mm: on_grid(entry.merged.largest_mm), at_mm: 0.0 },
+            start_is_cut: entry.start_is_cut,
+            joins: entry.joins,
+            corner_speed: entry.corner_speed,
+            joint: entry.joint.on_grid(),
+        })
+    }
+
+    fn piece<T: Carried>(&self, piece: &Smoothed<T>) -> Option<Smoothed<T>> {
+        let is_linear = Axis::ALL.into_iter().all(|axis| Spline::has(axis) || !piece.element.moves(axis));
+        if !is_linear || !piece.carried.is_alike_everywhere() {
+            return None;
+        }
+        Some(Smoothed {
+            element: self.element(&piece.element)?,
+            carried: piece.carried.clone(),
+            blocks: 1,
+            rest_at_end: piece.rest_at_end,
+            origin: Origin::Block,
+            deviation: Deviation::default(),
+        })
+    }
+}
+
+impl Joint {
+    /// The same with its lengths and angles on the grid.
+    fn on_grid(self) -> Self {
+        match self {
+            Self::Corner { reach_mm, kink, angle_rad, stop_from_mm, way } => {
+                let [reach_mm, kink, angle_rad, stop_from_mm] = [reach_mm, kink, angle_rad, stop_from_mm].map(on_grid);
+                Self::Corner { reach_mm, kink, angle_rad, stop_from_mm, way }
+            }
+            Self::Unknown | Self::Fixed => self,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
