@@ -65,7 +65,8 @@ impl Monitor {
         let decided = matches!(evidence, Evidence::Process(_) | Evidence::Silence { .. });
         let at_once = Some(outcome.after.spindle).filter(|spindle| decided && *spindle != before.spindle);
         let Some(spindle) = outcome.planned_spindle.or(at_once) else { return };
-        let was_asked = self.run.spindle.request.is_some_and(|request| request.accepted || request.setpoint_index.is_some());
+        let was_asked =
+            self.run.spindle.request.is_some_and(|request| request.accepted || request.setpoint_index.is_some());
         if outcome.planned_spindle == Some(before.spindle) && !was_asked {
             self.run.spindle.request = None;
             return;
