@@ -14,9 +14,10 @@ use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::tools_client::ToolsClient;
 use feedwave_contract::proto::{
     AdoptToolProposalRequest, AuditEntry, CancelJobRequest, CreateMachineRequest, CreateToolRequest, DeleteJobRequest,
-    DeleteMachineRequest, GetJobRequest, IngestRequest, IngestStart, LearningSource, ListAuditEntriesRequest,
-    ListMachinesRequest, Machine, RecordingSettings, RunRequest, RunStart, SetMonitoringRequest, Tool,
-    UpdateMachineRequest, UpdateToolRequest, ingest_request, ingest_start, run_request, run_start,
+    DeleteMachineRequest, GetJobRequest, IngestEnd, IngestRequest, IngestStart, LearningSource,
+    ListAuditEntriesRequest, ListMachinesRequest, ListRunsRequest, Machine, RecordingSettings, RunRequest, RunStart,
+    RunState, SetMonitoringRequest, Tool, UpdateMachineRequest, UpdateToolRequest, ingest_request, ingest_start,
+    run_request, run_start,
 };
 use feedwave_tests::{Home, Server, patiently, upload_messages};
 use tokio::task::JoinSet;
@@ -26,6 +27,8 @@ use tonic::{Code, Status};
 
 use crate::FEEDWAVE;
 use crate::access::{bearer, feedwave, token};
+use crate::live_runs::config;
+use crate::shop_floor::monitored;
 use crate::status::assert_error;
 
 async fn channel(server: &Server) -> Channel {
@@ -286,6 +289,34 @@ async fn a_refused_call_names_what_it_was_about() {
             ("Ingest", run),
         ]
     );
+}
+
+/// A client that goes away right after it has ended a run did not give the call up: the log agrees with the run.
+#[tokio::test]
+async fn the_end_of_a_run_is_logged_though_its_client_does_not_wait() {
+    let server = Home::new(FEEDWAVE, "").start().await;
+    let job = monitored(&server, config()).await;
+    for _ in 0..16 {
+        let start = IngestStart { target: Some(ingest_start::Target::Job(job.clone())), ..Default::default() };
+        let messages = [ingest_request::Message::Start(start), ingest_request::Message::End(IngestEnd {})];
+        let messages = messages.map(|message| IngestRequest { message: Some(message) });
+        let mut client = TelemetryClient::new(channel(&server).await);
+        drop(client.ingest(tokio_stream::iter(messages)).await.unwrap());
+        drop(client);
+        let entry = patiently(async {
+            loop {
+                let newest = log(&server, "", 1000).await.unwrap().pop().unwrap();
+                if !newest.result.is_empty() {
+                    break newest;
+                }
+            }
+        });
+        let entry = entry.await;
+        let runs = ListRunsRequest { job: job.clone(), page_size: 1, ..ListRunsRequest::default() };
+        let runs = TelemetryClient::new(channel(&server).await).list_runs(runs).await.unwrap().into_inner().runs;
+        let is_finished = runs[0].state() == RunState::Finished;
+        assert_eq!(entry.result, if is_finished { "OK" } else { "CANCELLED" }, "{entry:?} {:?}", runs[0]);
+    }
 }
 
 /// What the service makes, its user alone can read; what was there keeps its mode.

@@ -14,6 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 pub use caller::Caller;
+pub(crate) use caller::Work;
 use feedwave_contract::names::TENANT_HEADER;
 use feedwave_store::{Store, Tenant};
 use http::uri::Authority;

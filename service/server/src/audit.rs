@@ -245,9 +245,9 @@ pub(crate) struct Audited {
 }
 
 impl Audited {
-    fn result(&mut self, code: &str, reason: &str) -> AuditResult {
+    fn result(&mut self, code: tonic::Code, reason: &str) -> AuditResult {
         self.is_ended = true;
-        AuditResult { resource: self.caller.subject(), code: code.to_owned(), reason: reason.to_owned() }
+        result(&self.caller, code, reason)
     }
 
     /// Whether all that was asked for is done, whoever reads the end of the answer.
@@ -257,18 +257,22 @@ impl Audited {
 
     /// Stores what came of it.
     pub(crate) async fn end(mut self, code: tonic::Code, reason: &str) {
-        let result = self.result(code_name(code), reason);
-        store(self.log.store.clone(), self.sequence, result).await;
+        let result = self.result(code, reason);
+        end(self.log.store.clone(), self.sequence, result).await;
     }
 
     /// The same where nothing can wait for it.
     pub(crate) fn end_later(&mut self, code: tonic::Code, reason: &str) {
-        let result = self.result(code_name(code), reason);
-        self.log.engine.spawn(store(self.log.store.clone(), self.sequence, result));
+        let result = self.result(code, reason);
+        self.log.engine.spawn(end(self.log.store.clone(), self.sequence, result));
     }
 }
 
-async fn store(store: Store, sequence: i64, result: AuditResult) {
+fn result(caller: &Caller, code: tonic::Code, reason: &str) -> AuditResult {
+    AuditResult { resource: caller.subject(), code: code_name(code).to_owned(), reason: reason.to_owned() }
+}
+
+async fn end(store: Store, sequence: i64, result: AuditResult) {
     if let Err(error) = store.end_audit(sequence, result).await {
         tracing::warn!(%error, sequence, "a result is missing in the audit log");
     }
@@ -279,10 +283,14 @@ impl Drop for Audited {
         if self.is_ended {
             return;
         }
-        if self.is_done() {
-            self.end_later(tonic::Code::Ok, "");
-        } else {
-            self.end_later(tonic::Code::Cancelled, "the client went away before the end");
-        }
+        // What the client had asked for before it went away may still be done.
+        let (store, sequence, caller) = (self.log.store.clone(), self.sequence, self.caller.clone());
+        self.log.engine.spawn(async move {
+            let (code, reason) = match caller.settled().await {
+                true => (tonic::Code::Ok, ""),
+                false => (tonic::Code::Cancelled, "the client went away before the end"),
+            };
+            end(store, sequence, result(&caller, code, reason)).await;
+        });
     }
 }

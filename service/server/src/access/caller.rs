@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use feedwave_contract::proto::CallerState;
 use feedwave_store::Tenant;
+use tokio_util::task::TaskTracker;
+use tokio_util::task::task_tracker::TaskTrackerToken;
 
 use super::{Identity, Role, Tenants};
 use crate::connections::Connection;
@@ -24,6 +26,22 @@ pub struct Caller {
     subject: Arc<Mutex<String>>,
     /// Whether all that was asked for is done.
     is_done: Arc<AtomicBool>,
+    /// What is still done for the call, whether or not its client is there.
+    works: TaskTracker,
+}
+
+/// What is done for a call though its client may have gone away. Dropped without having been done, it was given up.
+#[derive(Debug)]
+pub(crate) struct Work {
+    is_done: Arc<AtomicBool>,
+    _token: TaskTrackerToken,
+}
+
+impl Work {
+    /// States that all that the call asked for is done.
+    pub(crate) fn has_done(self) {
+        self.is_done.store(true, Ordering::Release);
+    }
 }
 
 impl Caller {
@@ -37,6 +55,7 @@ impl Caller {
             connection,
             subject: Arc::default(),
             is_done: Arc::default(),
+            works: TaskTracker::new(),
         }
     }
 
@@ -121,14 +140,21 @@ impl Caller {
         *self.subject.lock().unwrap_or_else(PoisonError::into_inner) = subject.into();
     }
 
-    /// States that all that was asked for is done: who goes away before the end of the answer has not cancelled it.
-    pub(crate) fn has_done(&self) {
-        self.is_done.store(true, Ordering::Release);
+    /// Begins work for the call: who goes away before the end of the answer has not cancelled what is done by then.
+    pub(crate) fn work(&self) -> Work {
+        Work { is_done: self.is_done.clone(), _token: self.works.token() }
     }
 
-    /// Whether it is.
+    /// Whether all that was asked for is done.
     pub(crate) fn is_done(&self) -> bool {
         self.is_done.load(Ordering::Acquire)
+    }
+
+    /// Waits until nothing is done for the call any more; whether all that was asked for is done.
+    pub(crate) async fn settled(&self) -> bool {
+        self.works.close();
+        self.works.wait().await;
+        self.is_done()
     }
 
     /// What the call is about, as far as it is known.

@@ -25,6 +25,7 @@ use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
 use super::telemetry::check_recordable;
 use super::{Api, unreadable};
+use crate::access::Work;
 use crate::engine::{self, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
 use crate::stored::{self, config_from_message, run_settings};
@@ -132,10 +133,10 @@ impl Api {
         tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
         self.engine.spawn(take_in(messages, intake));
         let started = stream::once(std::future::ready(Ok(started)));
-        let caller = self.caller.clone();
+        let mut work = Some(self.caller.work());
         let run = run.inspect(move |message| {
             if matches!(message, Ok(RunResponse { message: Some(Message::Ended(_)) })) {
-                caller.has_done();
+                work.take().map_or((), Work::has_done);
             }
         });
         let guarded = Guarded::new(started.chain(run), deadline)

@@ -25,6 +25,7 @@ use uuid::Uuid;
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
 use super::{Api, page_request, unreadable};
+use crate::access::Work;
 use crate::engine::Intake;
 use crate::error::{Error, Result, Violations};
 use crate::stored::{self, condition_to_proto, config_from_message, run_settings, run_state_to_proto};
@@ -200,7 +201,7 @@ impl Api {
         let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard, presence).await?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
         let started = started(&attached)?;
-        self.engine.spawn(take_in(messages, intake));
+        self.engine.spawn(take_in(messages, intake, self.caller.work()));
         let started = stream::once(std::future::ready(Ok(started)));
         let guarded = Guarded::new(started.chain(ingestion), deadline)
             .ends_with(self.engine.draining(), Error::Draining)
@@ -282,15 +283,17 @@ fn started(attached: &AttachedRun) -> Result<IngestResponse> {
 }
 
 /// Passes batches on until the client ends the run or goes away.
-async fn take_in(mut messages: Streaming<IngestRequest>, intake: Intake) {
+async fn take_in(mut messages: Streaming<IngestRequest>, intake: Intake, work: Work) {
     loop {
+        // What a client sent before it left counts.
         let message = tokio::select! {
+            biased;
             message = messages.message() => message,
             () = intake.left() => return,
         };
         let wanted = match message {
             Ok(Some(IngestRequest { message: Some(RequestMessage::Batch(batch)) })) => intake.batch(batch).await,
-            Ok(Some(IngestRequest { message: Some(RequestMessage::End(_)) })) => return intake.end().await,
+            Ok(Some(IngestRequest { message: Some(RequestMessage::End(_)) })) => return intake.end(work).await,
             Ok(Some(_)) => {
                 let error = Error::invalid("message", "after the start it must be a batch or the end");
                 return intake.refuse(error).await;

@@ -18,6 +18,7 @@ use tokio_util::sync::{CancellationToken, DropGuard};
 
 use super::session::Session;
 use super::{Engine, JobGuard, until};
+use crate::access::Work;
 use crate::error::{Error, Result};
 use crate::floor::Presence;
 use crate::observability::metrics::{GaugeGuard, Metrics};
@@ -34,8 +35,8 @@ const MESSAGES_IN_FLIGHT: usize = 1024;
 enum Input {
     /// A batch, and when it came.
     Batch(Box<proto::TelemetryBatch>, Instant),
-    /// The client has said everything: the run is finished.
-    End,
+    /// The client has said everything: the run is finished, which is the work of its call.
+    End(Work),
     /// The client said something that it must not.
     Refused(Error),
 }
@@ -53,10 +54,10 @@ impl Intake {
         self.sender.send(Input::Batch(Box::new(batch), Instant::now())).await.is_ok()
     }
 
-    /// Ends the run.
-    pub(crate) async fn end(self) {
+    /// Ends the run, which is done when that is durable.
+    pub(crate) async fn end(self, work: Work) {
         // A receiver that is gone has ended already.
-        let _ = self.sender.send(Input::End).await;
+        let _ = self.sender.send(Input::End(work)).await;
     }
 
     /// Ends the stream, not the run, with an error.
@@ -164,7 +165,8 @@ impl Engine {
         let error = Arc::new(Mutex::new(None));
         let told = error.clone();
         let (runtime, metrics) = (Handle::current(), inner.metrics.clone());
-        let mut worker = Worker { session, presence, input, open: true, outlet, ends, runtime, metrics };
+        let mut worker =
+            Worker { session, presence, input, open: true, asked_to_end: None, outlet, ends, runtime, metrics };
         let active = GaugeGuard::new(&inner.metrics.active_runs);
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);
@@ -184,6 +186,8 @@ struct Worker {
     input: mpsc::Receiver<Input>,
     /// Whether more may come.
     open: bool,
+    /// The call that asked for the end of the run.
+    asked_to_end: Option<Work>,
     outlet: mpsc::Sender<proto::IngestResponse>,
     ends: RunEnds,
     runtime: Handle,
@@ -247,6 +251,7 @@ impl Worker {
                 self.commit(finished, cause)?;
             }
             if finished {
+                self.asked_to_end.take().map_or((), Work::has_done);
                 self.presence.end(RunState::Finished, self.runtime.block_on(self.session.logged_at()));
             } else if must_commit && (!self.open || last) {
                 self.presence.lose(self.runtime.block_on(self.session.logged_at()));
@@ -310,7 +315,10 @@ impl Worker {
                         break;
                     }
                 }
-                Some(Input::End) => return Ok((true, cause)),
+                Some(Input::End(work)) => {
+                    self.asked_to_end = Some(work);
+                    return Ok((true, cause));
+                }
                 Some(Input::Refused(error)) => return Err(error),
                 None => break,
             }

@@ -1,3 +1,4 @@
+use std::sync::Mutex;
 use std::time::Duration;
 
 use http_body::Body as _;
@@ -158,7 +159,7 @@ async fn what_is_done_is_not_cancelled_by_a_client_that_does_not_read_the_end_of
         // The last message, and an end that does not come before the client has gone away.
         let run = tower::service_fn(move |request: Request<Body>| async move {
             if is_done {
-                request.extensions().get::<Caller>().unwrap().has_done();
+                request.extensions().get::<Caller>().unwrap().work().has_done();
             }
             let frames = futures_util::stream::once(async { Ok::<_, Status>(Frame::data(Bytes::from_static(b"1"))) });
             let frames = futures_util::StreamExt::chain(frames, futures_util::stream::pending());
@@ -178,5 +179,40 @@ async fn what_is_done_is_not_cancelled_by_a_client_that_does_not_read_the_end_of
         };
         assert_eq!(result.code, code);
         assert_eq!(metrics.requests.with_label_values(&["/feedwave.v1.Runs/Run", code]).get(), 1);
+    }
+}
+
+#[tokio::test]
+async fn what_goes_on_after_its_client_has_gone_is_logged_when_it_ends() {
+    let (_folder, store, _, layer) = layer_of(Limits::default()).await;
+    for (is_done, code) in [(true, "OK"), (false, "CANCELLED")] {
+        let work = Arc::new(Mutex::new(None));
+        let begun = work.clone();
+        let ingest = tower::service_fn(move |request: Request<Body>| {
+            *begun.lock().unwrap() = Some(request.extensions().get::<Caller>().unwrap().work());
+            let frames = futures_util::stream::pending::<Result<Frame<Bytes>, Status>>();
+            std::future::ready(Ok::<_, Status>(Response::new(Body::new(StreamBody(Box::pin(frames))))))
+        });
+        drop(layer.layer(ingest).call(call("/feedwave.v1.Telemetry/Ingest")).await.unwrap());
+        let newest = async || {
+            let entries = store.audit_after(0, &feedwave_store::AuditFilter::default(), 10).await.unwrap();
+            entries.into_iter().next_back().unwrap().result
+        };
+        for _ in 0..8 {
+            assert_eq!(newest().await, None);
+        }
+        let work = work.lock().unwrap().take().unwrap();
+        if is_done {
+            work.has_done();
+        } else {
+            drop(work);
+        }
+        let result = loop {
+            match newest().await {
+                Some(result) => break result,
+                None => tokio::task::yield_now().await,
+            }
+        };
+        assert_eq!(result.code, code);
     }
 }
