@@ -67,7 +67,8 @@ impl Objects {
         let url: url::Url = uri.parse().expect("FEEDWAVE_TEST_OBJECTS is a URI");
         let options: Vec<(String, String)> = url.query_pairs().into_owned().collect();
         let environment = std::env::vars().map(|(name, value)| (name.to_ascii_lowercase(), value));
-        let environment = environment.filter(|(name, _)| name.starts_with("aws_") || name.starts_with("azure_"));
+        let environment = environment
+            .filter(|(name, _)| ["aws_", "azure_", "google_"].iter().any(|of_a_store| name.starts_with(of_a_store)));
         let mut place = url.clone();
         place.set_query(None);
         let (store, prefix) =

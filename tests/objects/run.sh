@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs the end-to-end tests of large programs against servers that others have written, each on a free port of this machine and gone
-# with this script: moto speaks the protocol of S3, Azurite that of Azure Blob Storage.
+# with this script: moto speaks the protocols of S3 and, but for tokens, of Google Cloud Storage, Azurite that of Azure Blob Storage.
 #
 #   tests/objects/run.sh [COMMAND]...
 #
@@ -71,6 +71,28 @@ azure() {
     exec node "$scratch/node_modules/azurite/dist/src/blob/main.js" --inMemoryPersistence --disableTelemetry --skipApiVersionCheck \
         --blobHost 127.0.0.1 --blobPort "$1"
 }
+# The XML protocol of Google Cloud Storage is that of S3 but for a bearer instead of a signature, of which moto knows nothing.
+gs() {
+    exec "$python/bin/python" - "$1" <<'PYTHON'
+import sys
+
+from moto.server import DomainDispatcherApplication, create_backend_app
+from werkzeug.serving import run_simple
+
+s3 = DomainDispatcherApplication(create_backend_app)
+
+
+signed = "AWS4-HMAC-SHA256 Credential=feedwave/20260101/us-east-1/s3/aws4_request, SignedHeaders=host, Signature=0"
+
+
+def with_signature(environ, start_response):
+    environ["HTTP_AUTHORIZATION"] = signed
+    return s3(environ, start_response)
+
+
+run_simple("127.0.0.1", int(sys.argv[1]), with_signature, threaded=True)
+PYTHON
+}
 tests() {
     if [[ $# -gt 0 ]]; then
         "$@"
@@ -93,6 +115,13 @@ boto3.client("s3", endpoint_url=f"http://127.0.0.1:{sys.argv[1]}").create_bucket
 PYTHON
 echo "S3 (moto) on port $port"
 FEEDWAVE_TEST_OBJECTS="s3://programs/{}?endpoint=http://127.0.0.1:$port&allow_http=true" tests "$@"
+
+started gs
+curl --silent --show-error --fail --output /dev/null --request PUT "http://127.0.0.1:$port/programs"
+# Of no account: nobody is asked for a token, and the bearer is empty.
+export GOOGLE_SERVICE_ACCOUNT_KEY='{"disable_oauth": true, "client_email": "", "private_key": "", "private_key_id": ""}'
+echo "Google Cloud Storage, its XML protocol (moto), on port $port"
+FEEDWAVE_TEST_OBJECTS="gs://programs/{}?base_url=http://127.0.0.1:$port&allow_http=true" tests "$@"
 
 started azure
 # The account and the key that every Azurite has.

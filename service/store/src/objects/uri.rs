@@ -26,7 +26,8 @@ const OPTIONS: [(&str, &[&str]); 5] = [
     ),
     ("az", AZURE),
     ("abfss", AZURE),
-    ("gs", &["base_url", "allow_http", "skip_signature", "timeout"]),
+    // It asks for a token before it writes, whatever skip_signature says.
+    ("gs", &["base_url", "allow_http", "timeout"]),
 ];
 const AZURE: &[&str] = &["account_name", "endpoint", "allow_http", "skip_signature", "timeout"];
 
@@ -41,7 +42,7 @@ const AZURE: &[&str] = &["account_name", "endpoint", "allow_http", "skip_signatu
 ///
 /// Options follow as in `s3://programs?endpoint=https://minio.plant.example:9000&region=plant`: `endpoint`, `region`,
 /// `virtual_hosted_style_request`, `server_side_encryption` and `sse_kms_key_id` of S3, `account_name` and `endpoint` of Azure,
-/// `base_url` of Google, and of each `allow_http`, `skip_signature` (asks without credentials) and `timeout` (of one
+/// `base_url` of Google, `skip_signature` (asks without credentials) of S3 and Azure, and of each `allow_http` and `timeout` (of one
 /// request, as in `30s`, which is the default). Credentials are none of them: they come from the environment
 /// in the way of each object store (`AWS_*`, `AZURE_*`, `GOOGLE_*`, and the files that these name).
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -149,6 +150,7 @@ mod tests {
             ("s3://bucket?secret_access_key=secret", "none of endpoint"),
             ("s3://bucket?account_name=plant", "none of endpoint, region"),
             ("gs://bucket?region=plant", "none of base_url"),
+            ("gs://bucket?skip_signature=true", "none of base_url"),
             ("s3://bucket/a#b", "fragment"),
         ] {
             let error = text.parse::<ObjectsUri>().expect_err(text).to_string();
