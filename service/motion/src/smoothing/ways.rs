@@ -70,10 +70,10 @@ impl<T: Carried> PathSmoother<T> {
     pub(super) fn choose_ways(&mut self, open: &Open, is_last: bool, joining: Joining<'_>) -> Option<bool> {
         let steady = joining.corner_speed == CornerSpeed::Steady;
         let is_guided = self.is_guided();
-        let sharp = self.undecided(open.last, LEAST_STOP_KINK).len();
         if self.is_trial {
             return Some(false);
         }
+        let sharp = self.undecided(open.last, LEAST_STOP_KINK).len();
         if sharp == 0 {
             self.join_open_corners(open.last);
             return Some(false);

@@ -6,7 +6,7 @@ use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
     Action, ActionKind, CreateJobRequest, Finding, GetProgramRequest, GetReportRequest, ImproveRequest,
-    InterpretRequest, JobState, ListProgramsRequest, ProgramFile, ProgramsDeleteProgramRequest, ReadProgramRequest,
+    InterpretRequest, JobState, ListProgramsRequest, Program, ProgramFile, ProgramsDeleteProgramRequest, ReadProgramRequest,
     UploadChunk, UploadHeader, UploadProgramRequest, ValidateProgramRequest, improve_request, interpret_request,
     validate_program_request,
 };
@@ -40,6 +40,12 @@ async fn upload(test: &TestServer, file_name: &str, program: &[u8]) -> String {
     answer.into_inner().program
 }
 
+/// The first page of programs with this name; of all where it is empty.
+async fn list(test: &TestServer, file_name: &str) -> Vec<Program> {
+    let request = ListProgramsRequest { file_name: file_name.to_owned(), ..Default::default() };
+    programs(test).list_programs(request).await.unwrap().into_inner().programs
+}
+
 /// The actions and findings of a whole interpretation.
 async fn interpret(test: &TestServer, request: InterpretRequest) -> Result<(Vec<Action>, Vec<Finding>), Status> {
     let mut messages = programs(test).interpret(request).await?.into_inner();
@@ -66,10 +72,7 @@ async fn programs_are_found_read_and_deleted() {
     let large: Vec<u8> = (0..200_000).flat_map(|line| format!("G1 X{line}.\n").into_bytes()).collect();
     let name = upload(&test, "shaft.nc", &large).await;
     let other = upload(&test, "other.nc", b"M30\n").await;
-    let list = async |file_name: &str| {
-        let request = ListProgramsRequest { file_name: file_name.to_owned(), ..Default::default() };
-        programs(&test).list_programs(request).await.unwrap().into_inner().programs
-    };
+    let list = async |file_name: &str| list(&test, file_name).await;
     assert_eq!(list("").await.len(), 2);
     let [found] = &list("shaft.nc").await[..] else { panic!("one program has the name") };
     assert_eq!((&found.name, found.size_bytes, found.job_count), (&name, large.len() as u64, 0));
@@ -113,10 +116,7 @@ async fn programs_are_found_read_and_deleted() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_job_names_the_file_of_its_program() {
     let test = TestServer::start().await;
-    let list = async |file_name: &str| {
-        let request = ListProgramsRequest { file_name: file_name.to_owned(), ..Default::default() };
-        programs(&test).list_programs(request).await.unwrap().into_inner().programs
-    };
+    let list = async |file_name: &str| list(&test, file_name).await;
     let named = |file_name: &str| CreateJobRequest { file_name: file_name.to_owned(), ..lathe_job(MAIN) };
     let job = test.validated(named("shaft.nc")).await;
     let [found] = &list("shaft.nc").await[..] else { panic!("one program has the name") };
