@@ -135,8 +135,10 @@ impl Api {
         let started = stream::once(std::future::ready(Ok(started)));
         let mut work = Some(self.caller.work());
         let run = run.inspect(move |message| {
-            if matches!(message, Ok(RunResponse { message: Some(Message::Ended(_)) })) {
-                work.take().map_or((), Work::has_done);
+            if matches!(message, Ok(RunResponse { message: Some(Message::Ended(_)) }))
+                && let Some(work) = work.take()
+            {
+                work.has_done();
             }
         });
         let guarded = Guarded::new(started.chain(run), deadline)

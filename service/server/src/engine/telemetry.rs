@@ -251,7 +251,9 @@ impl Worker {
                 self.commit(finished, cause)?;
             }
             if finished {
-                self.asked_to_end.take().map_or((), Work::has_done);
+                if let Some(work) = self.asked_to_end.take() {
+                    work.has_done();
+                }
                 self.presence.end(RunState::Finished, self.runtime.block_on(self.session.logged_at()));
             } else if must_commit && (!self.open || last) {
                 self.presence.lose(self.runtime.block_on(self.session.logged_at()));

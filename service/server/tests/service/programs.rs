@@ -6,9 +6,9 @@ use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
     Action, ActionKind, CreateJobRequest, Finding, GetProgramRequest, GetReportRequest, ImproveRequest,
-    InterpretRequest, JobState, ListProgramsRequest, Program, ProgramFile, ProgramsDeleteProgramRequest, ReadProgramRequest,
-    UploadChunk, UploadHeader, UploadProgramRequest, ValidateProgramRequest, improve_request, interpret_request,
-    validate_program_request,
+    InterpretRequest, JobState, ListProgramsRequest, Program, ProgramFile, ProgramsDeleteProgramRequest,
+    ReadProgramRequest, UploadChunk, UploadHeader, UploadProgramRequest, ValidateProgramRequest, improve_request,
+    interpret_request, validate_program_request,
 };
 use feedwave_server::config::Limits;
 use sha2::{Digest as _, Sha256};
