@@ -25,7 +25,6 @@ use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
 use super::telemetry::check_recordable;
 use super::{Api, unreadable};
-use crate::access::Work;
 use crate::engine::{self, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
 use crate::stored::{self, config_from_message, run_settings};
