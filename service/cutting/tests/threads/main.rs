@@ -404,6 +404,26 @@ fn every_start_of_a_thread_has_its_own_infeed() {
     }
 }
 
+/// Grooves that are too wide for two starts meet, and are two starts all the same, in whichever order they are cut.
+#[test]
+fn a_pass_that_goes_back_to_a_smaller_depth_elsewhere_begins_a_further_start() {
+    let pass = |x: f64, q: f64| format!("G0 X{x}\nG32 Z60 F2.5 Q{q}\nG0 X14\nG0 Z100\n");
+    let of_start = |q| pass(8.0, q) + &pass(7.2, q) + &pass(6.6, q);
+    let by_depth: String = [8.0, 7.2, 6.6].map(|x| pass(x, 0.0) + &pass(x, 180.0)).concat();
+    for passes in [by_depth, of_start(0.0) + &of_start(180.0)] {
+        let report = validate(&format!("G97 S300 M3\nG0 X14 Z100\nG165 P3 X10 Q1.2\n{passes}G165 P0\nM30\n"), &lathe());
+        assert!(codes(&report).contains(&"THREAD-PROFILE-WIDE".to_owned()), "{:?}", codes(&report));
+        let job = &report.threads[0].job;
+        assert_eq!(job.geometry.starts, 2);
+        let first_mm: Vec<f64> = job.passes.iter().filter(|it| it.depth_mm < 1.1).map(|it| it.amplitude_mm).collect();
+        assert!(first_mm.len() == 2 && first_mm.iter().all(|mm| near(*mm, 1.2, 1e-9)), "{first_mm:?}");
+    }
+    // A pass at the same place that goes less deep is one of the start whose groove it runs in.
+    let again = of_start(0.0) + "G0 X7\nG32 Z60 F2.5 A0\nG0 X14\n";
+    let report = accepted(&format!("G97 S300 M3\nG0 X14 Z100\nG165 P3 X10 Q1.2\n{again}G165 P0\nM30\n"), &lathe());
+    assert_eq!(report.threads[0].job.geometry.starts, 1);
+}
+
 /// A cycle of many passes in one block.
 fn cycle(words: &str) -> String {
     format!("G97 M3 S600\nG0 X24 Z5\nG76 P2. {words}\nG0 X40\nM30\n")

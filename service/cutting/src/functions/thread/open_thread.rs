@@ -186,8 +186,9 @@ impl OpenThread {
         index
     }
 
-    /// Which start a pass without a word for it cuts: that of the groove it meets. Where it meets none, it is a new one,
-    /// unless it goes deeper than the pass before, as alternating flanks do before they meet.
+    /// Which start a pass without a word for it cuts: that of the groove it meets, unless it goes back to a smaller depth at another
+    /// place, as the first pass of a further start does. Where it meets none, it is a new one, unless it goes deeper than the pass
+    /// before, as alternating flanks do before they meet.
     fn groove(&self, pass: &ThreadPass) -> u32 {
         let job = &self.job;
         let lead_mm = job.geometry.lead_mm;
@@ -196,9 +197,14 @@ impl OpenThread {
             let offset_mm = origin_mm(pass) - origin_mm(other);
             (offset_mm - lead_mm * (offset_mm / lead_mm).round()).abs()
         };
+        let newest_mm = |start: u32| {
+            let of_start = job.passes.iter().rev().find(|other| other.start == start);
+            of_start.map_or(0.0, |newest| newest.depth_mm.abs())
+        };
         let meets = |other: &&ThreadPass| {
             let reach_mm = (pass.depth_mm.abs() + other.depth_mm.abs()) * job.profile.tan_half_angle();
-            apart_mm(other) < reach_mm - SAME || apart_mm(other) < SAME
+            let goes_on = pass.depth_mm.abs() >= newest_mm(other.start) - SAME;
+            (apart_mm(other) < reach_mm - SAME && goes_on) || apart_mm(other) < SAME
         };
         let nearest = job.passes.iter().filter(meets).min_by(|a, b| apart_mm(a).total_cmp(&apart_mm(b)));
         match (nearest, job.passes.last()) {
