@@ -4,8 +4,8 @@
 //! - **Forces**: the mechanistic model, linear in K_tc, K_te, K_rc and K_re (Altintas: Manufacturing Automation, 2nd ed.,
 //!   Cambridge 2012, chapter 2), with chips that differ from edge to edge by the run-out of the edges (Kline and DeVor: The
 //!   effect of runout on cutting geometry and forces in end milling, Int. J. Machine Tool Design and Research 23, 1983).
-//! - **Tool**: one mode in each of two directions, whose stiffness is known; the deflection follows exactly from a force that is
-//!   constant over a sample.
+//! - **Tool**: one mode in each of two directions, whose stiffness is known; the deflection follows exactly from the force as it changes between two
+//!   samples: where within them an edge enters, leaves, or has no chip any more.
 //! - **Estimate**: all parameters at once by nonlinear least squares on the deflection (output error; Ljung: System Identification,
 //!   2nd ed., Prentice Hall 1999, chapters 7 and 9) with Levenberg's and Marquardt's steps. Standard errors are those of the
 //!   linearised model, σ²·(JᵀJ)⁻¹ (Seber and Wild: Nonlinear Regression, Wiley 1989, chapter 2), times √(1 + 2·Σρ_k) where the
@@ -17,11 +17,15 @@
 //!
 //! Nothing here decides or changes anything: an estimate is a proposal.
 
+mod chips;
+mod conclude;
 mod fit;
+mod forces;
 mod interval;
 mod residuals;
 mod response;
 mod squares;
+mod start;
 
 use core::f64::consts::PI;
 use core::ops::RangeInclusive;
@@ -184,6 +188,12 @@ pub enum LearningError {
     /// The records do not tell a parameter from the others.
     #[error("the records do not tell the {0} from the rest")]
     NotIdentifiable(&'static str),
+    /// The force by chip thickness is the same all the time.
+    #[error(
+        "the force by chip thickness does not change over a turn, and the records do not tell it from the zero of the deflection: as in a whole slot \
+             with an even number of edges, four or more, that run true; cut less than the whole width"
+    )]
+    Steady,
     /// What explains the records best is nothing that a tool or a material has: entry, exit, rotation or the tool are other ones.
     #[error(
         "the {what} that explains the records best is {value}, not {least} to {most}: entry and exit angle, the angle of the first \
@@ -260,11 +270,6 @@ fn check_record(model: &LearningModel, record: usize, cut: &CutRecord<'_>) -> Re
     if [cut.deflection_mm.x.len(), cut.deflection_mm.y.len()] != [samples; 2] {
         return Err(LearningError::Columns { record });
     }
-    let settling = settling_samples(model);
-    let least = MIN_RECORD_SAMPLES + settling;
-    if samples < least {
-        return Err(LearningError::Samples { samples, which: "in a record", least, most: MAX_LEARNING_SAMPLES });
-    }
     within("feed", cut.feed_mm_per_min, 1e-3..=1e6, "0.001 to 1000000 mm/min")?;
     within("depth", cut.depth_mm, 1e-6..=1e3, "0.000001 to 1000 mm")?;
     within("angle of the first edge", cut.first_edge_deg, -360.0..=360.0, "-360 to 360 degrees")?;
@@ -272,16 +277,7 @@ fn check_record(model: &LearningModel, record: usize, cut: &CutRecord<'_>) -> Re
         let (value, permitted) = (f64::from(*place), "that of a sample");
         return Err(LearningError::Value { field: "the place of a missing sample", value, permitted });
     }
-    let judged = samples - settling;
-    let left = judged - cut.missing.len().min(judged);
-    if left < MIN_RECORD_SAMPLES {
-        return Err(LearningError::Samples {
-            samples: left,
-            which: "of a record that are not missing",
-            least: MIN_RECORD_SAMPLES,
-            most: MAX_LEARNING_SAMPLES,
-        });
-    }
+    check_samples(settling_samples(model), "in a record", cut)?;
     let [x, y] = cut.feed_direction;
     within("length of the feed direction", libm::hypot(x, y), 1.0 - 1e-6..=1.0 + 1e-6, "1")?;
     let columns = [cut.deflection_mm.x, cut.deflection_mm.y, cut.spindle_angle_deg];
@@ -290,4 +286,20 @@ fn check_record(model: &LearningModel, record: usize, cut: &CutRecord<'_>) -> Re
     }
     let turned_deg = cut.spindle_angle_deg[samples - 1] - cut.spindle_angle_deg[0];
     within("turns of the spindle in a record", turned_deg.abs() / 360.0, 3.0..=1e9, "3 at least")
+}
+
+/// Refuses a record of which too little is left behind so many samples.
+fn check_samples(settling: usize, which: &'static str, cut: &CutRecord<'_>) -> Result<(), LearningError> {
+    let (samples, most) = (cut.spindle_angle_deg.len(), MAX_LEARNING_SAMPLES);
+    let least = MIN_RECORD_SAMPLES + settling;
+    if samples < least {
+        return Err(LearningError::Samples { samples, which, least, most });
+    }
+    let missing = cut.missing.iter().filter(|place| **place as usize >= settling).count();
+    let samples = (samples - settling).saturating_sub(missing);
+    if samples < MIN_RECORD_SAMPLES {
+        let which = "of a record that are not missing";
+        return Err(LearningError::Samples { samples, which, least: MIN_RECORD_SAMPLES, most });
+    }
+    Ok(())
 }

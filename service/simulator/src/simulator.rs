@@ -1,7 +1,7 @@
 //! The machine: follows setpoints and sends telemetry.
 
 use crate::description::{Description, FaultKind, Mounting, Process, SensorPair};
-use crate::forces::{Forces, Motion};
+use crate::forces::{Force, Forces, Instant, Motion, steps};
 use crate::oscillator::Oscillator;
 use crate::random::Random;
 use crate::setpoints::{Setpoint, SetpointError, Setpoints};
@@ -53,6 +53,9 @@ pub struct Simulator {
     description: Description,
     forces: Forces,
     tool: [Oscillator; 2],
+    /// Steps of forces and tool from one sample to the next, and the time of one, s.
+    steps: u32,
+    step_s: f64,
     pairs: [Option<Pair>; 2],
     drops: Random,
     telemetry: Telemetry,
@@ -80,7 +83,8 @@ impl Simulator {
         if !violations.is_empty() {
             return Err(violations);
         }
-        let sample_s = 1.0 / f64::from(description.sample_rate_hz);
+        let steps = steps(description.sample_rate_hz);
+        let step_s = 1.0 / (f64::from(description.sample_rate_hz) * f64::from(steps));
         let pair = |sensors: Option<SensorPair>, stream: u64| {
             sensors.map(|sensors| Pair {
                 sensors,
@@ -96,7 +100,9 @@ impl Simulator {
         };
         Ok(Self {
             forces: Forces::new(&description),
-            tool: [description.tool.mode_x, description.tool.mode_y].map(|mode| Oscillator::new(&mode, sample_s)),
+            tool: [description.tool.mode_x, description.tool.mode_y].map(|mode| Oscillator::new(&mode, step_s)),
+            steps,
+            step_s,
             pairs,
             drops: Random::new(description.seed, 5),
             telemetry: Telemetry::new(description.batch_samples as usize, has),
@@ -276,8 +282,8 @@ impl Simulator {
         let contact = self.description.contacts.iter().find(|contact| contact.at.holds(time_s, path_mm, line));
         let depth_mm = contact.filter(|_| touches).map(|contact| contact.depth_mm);
         let deflection_mm = [self.tool[0].deflection_mm, self.tool[1].deflection_mm];
-        let force_n = self.forces.force_n(&segment.motion, angle_rad, feed_mm_per_min, depth_mm, deflection_mm);
-        let acceleration = [0, 1].map(|axis| self.tool[axis].acceleration(force_n[axis]));
+        let instant = Instant { angle_rad, feed_mm_per_min, depth_mm, deflection_mm, change_mm: [0.0; 2] };
+        let acceleration = self.go_on(&segment.motion, instant, spindle_rad_per_s);
         let mut moved = Moved { position_mm: deflection_mm, acceleration };
         if depth_mm.is_some() {
             for chatter in self.description.chatter.iter().filter(|chatter| chatter.at.holds(time_s, path_mm, line)) {
@@ -303,12 +309,29 @@ impl Simulator {
         if !dropped {
             self.telemetry.record(&reading, &faulty, sink);
         }
-        for (tool, force_n) in self.tool.iter_mut().zip(force_n) {
-            tool.advance(force_n);
-        }
         self.sample += 1;
         let rate = u64::from(self.description.sample_rate_hz);
         self.sample_ns = self.sample / rate * NS_PER_S + self.sample % rate * NS_PER_S / rate;
+    }
+
+    /// Lets the tool go on from one sample to the next, from this angle on. Gives its acceleration at the begin.
+    #[inline]
+    fn go_on(&mut self, motion: &Motion, mut instant: Instant, spindle_rad_per_s: f64) -> [f64; 2] {
+        let angle_rad = instant.angle_rad;
+        let mut acceleration = [0.0; 2];
+        for step in 0..self.steps {
+            instant.angle_rad = angle_rad + spindle_rad_per_s * self.step_s * (f64::from(step) + 0.5);
+            instant.change_mm = [0, 1].map(|axis| self.tool[axis].change_mm());
+            instant.deflection_mm = [0, 1].map(|axis| self.tool[axis].deflection_mm + instant.change_mm[axis]);
+            let Force { mean_n, change_n } = self.forces.force(motion, &instant);
+            for (axis, tool) in self.tool.iter_mut().enumerate() {
+                if step == 0 {
+                    acceleration[axis] = tool.acceleration(mean_n[axis] - change_n[axis]);
+                }
+                tool.advance(mean_n[axis], change_n[axis]);
+            }
+        }
+        acceleration
     }
 
     /// What the sensors say.

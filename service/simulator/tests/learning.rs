@@ -150,10 +150,11 @@ fn every_quantity_is_within_its_interval_in_95_of_100_draws() {
     assert!((0.93..=0.97).contains(&all), "{all}");
 }
 
-/// At 3000 rev/min every turn has 400 samples: that an edge enters and leaves, and where its chip ends, falls on the same samples in each, so that
-/// what the model of a sample lacks comes again with every turn.
+/// At 3000 rev/min every turn has 400 samples: that an edge enters and leaves, and where its chip ends, falls on the same places between the same
+/// samples in each.
 #[test]
-fn what_comes_again_with_every_turn_widens_the_intervals_until_they_hold_the_truth() {
+fn edges_that_enter_and_leave_alike_in_every_turn_are_learnt_from() {
+    let mut within = 0;
     for seed in 0..4 {
         let description = Description {
             process: Process::Milling { entry_deg: 90.0, exit_deg: 180.0 },
@@ -163,13 +164,99 @@ fn what_comes_again_with_every_turn_widens_the_intervals_until_they_hold_the_tru
         let logs = FEEDS.map(|feed| cut_at(&description, feed, 3_000.0));
         let records: Vec<_> = logs.iter().zip(FEEDS).map(|(log, feed)| record(log, feed)).collect();
         let learnt = learn(&library(&description, 1.0, 1.0), &records).expect("enough to learn from");
+        assert!(learnt.correlation_factor < 1.2, "{}", learnt.correlation_factor);
+        for (name, estimate, truth) in estimates(&description, &learnt) {
+            let [low, high] = estimate.interval();
+            within += u32::from((low..=high).contains(&truth));
+            assert!((estimate.value / truth - 1.0).abs() < 0.01, "{name}: {estimate:?}, {truth}");
+            assert!((estimate.value - truth).abs() < 4.0 * estimate.standard_error, "{name}: {estimate:?}, {truth}");
+        }
+    }
+    // 95 % of 40 are 38; by chance three standard deviations of 1.4 fewer.
+    assert!(within >= 34, "{within} of 40");
+}
+
+/// Three vibrations in every turn are no run-out: nothing in the model makes them, and another turn tells nothing new of them.
+#[test]
+fn what_comes_again_with_every_turn_widens_the_intervals_until_they_hold_the_truth() {
+    for seed in 0..2 {
+        let description = Description {
+            tool_sensors: Some(SensorPair::default()),
+            sway: Some(feedwave_simulator::Sway { amplitude_mm: 2e-4, frequency_hz: 150.0 }),
+            ..description(seed)
+        };
+        let logs = FEEDS.map(|feed| cut_at(&description, feed, 3_000.0));
+        let records: Vec<_> = logs.iter().zip(FEEDS).map(|(log, feed)| record(log, feed)).collect();
+        let learnt = learn(&library(&description, 1.0, 1.0), &records).expect("enough to learn from");
         assert!(learnt.correlation_factor > 10.0, "{}", learnt.correlation_factor);
         for (name, estimate, truth) in estimates(&description, &learnt) {
             let [low, high] = estimate.interval();
             assert!((low..=high).contains(&truth), "{name}: {estimate:?}, {truth}");
-            assert!(estimate.standard_error < 0.03 * truth, "{name}: {estimate:?}");
+            assert!(estimate.standard_error < 0.05 * truth, "{name}: {estimate:?}");
         }
     }
+}
+
+/// In a whole slot the chip of an edge begins and ends with its sine, and which edges cut there is told by their run-out alone.
+#[test]
+fn a_whole_slot_is_learnt_from_where_the_edges_run_out() {
+    let learnt = |description: &Description| {
+        let logs = FEEDS.map(|feed| cut(description, feed));
+        let records: Vec<_> = logs.iter().zip(FEEDS).map(|(log, feed)| record_of(log, feed, 2_200)).collect();
+        learn(&library(description, 0.97, 1.2), &records)
+    };
+    for (edge_count, edge_run_out_mm) in [(2, 0.015), (4, 0.006)] {
+        let mut description =
+            Description { process: Process::Milling { entry_deg: 0.0, exit_deg: 180.0 }, ..description(11) };
+        (description.tool.edge_count, description.tool.edge_run_out_mm) = (edge_count, edge_run_out_mm);
+        let learnt = learnt(&description).expect("learnt");
+        assert!((learnt.residual_mm / 4e-4 - 1.0).abs() < 0.03, "{edge_count} edges: {learnt:?}");
+        for (name, estimate, truth) in estimates(&description, &learnt) {
+            let off = (estimate.value - truth).abs() / estimate.standard_error;
+            assert!(off < 4.0, "{edge_count} edges, {name}: {estimate:?}, {truth}");
+        }
+    }
+    let mut even = Description { process: Process::Milling { entry_deg: 0.0, exit_deg: 180.0 }, ..description(11) };
+    even.tool.edge_run_out_mm = 0.0;
+    assert_eq!(learnt(&even), Err(LearningError::Steady));
+}
+
+/// The force bends the tool in Y with 624 Hz and its multiples; the mode there, at 310 Hz and lightly damped, hardly answers, and several others do as
+/// well.
+#[test]
+fn a_mode_that_hardly_answers_is_refused_or_told_right() {
+    let mode =
+        |frequency_hz, damping_ratio, stiffness_n_per_mm| Mode { frequency_hz, damping_ratio, stiffness_n_per_mm };
+    let (mut told, mut told_apart) = (0, 0);
+    for seed in 0..4 {
+        let base = description(400 + seed);
+        let description = Description {
+            sample_rate_hz: 10_000,
+            tool: Tool {
+                edge_run_out_mm: 0.0,
+                mode_x: mode(1_018.0, 0.045, 14_000.0),
+                mode_y: mode(310.0, 0.014, 14_000.0),
+                ..base.tool
+            },
+            process: Process::Milling { entry_deg: 106.0, exit_deg: 180.0 },
+            tool_sensors: Some(SensorPair { noise: 9e-4, ..SensorPair::default() }),
+            ..base
+        };
+        let logs = [1_170.0, 2_100.0].map(|feed| (cut_at(&description, feed, 9_360.0), feed));
+        let records: Vec<_> = logs.iter().map(|(log, feed)| record(log, *feed)).collect();
+        match learn(&library(&description, 0.96, 1.2), &records) {
+            Ok(learnt) => {
+                told += 1;
+                let estimate = learnt.mode_y.frequency_hz;
+                let off = (estimate.value - 310.0).abs() / estimate.standard_error;
+                assert!(off < 5.0, "{seed}: {estimate:?} {:?}", learnt.mode_y.damping_ratio);
+            }
+            // Or with so little damping that the records are too short to have forgotten how they began.
+            Err(LearningError::NotIdentifiable("frequency in Y")) => told_apart += 1,
+            Err(error) => assert!(matches!(error, LearningError::Samples { .. }), "{seed}: {error}"),
+        }
+    }
+    assert!(told >= 1 && told_apart >= 1, "{told} told, {told_apart} refused");
 }
 
 #[test]

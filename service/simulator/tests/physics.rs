@@ -89,6 +89,83 @@ fn slotting_with_four_edges_has_the_constant_force_of_the_textbook() {
     );
 }
 
+/// Deflection of a milling tool over a turn in a steady cut without run-out, mm, from the harmonics of the force: each bends a mode by its complex
+/// compliance. What is simulated in steps is summed here without any.
+fn deflection_by_harmonics(description: &Description, feed_mm_per_min: f64, rev_per_min: f64) -> [Vec<f64>; 2] {
+    const HARMONICS: u32 = 300;
+    const PLACES: usize = 400;
+    let Process::Milling { entry_deg, exit_deg } = description.process else { panic!("milling") };
+    let (tool, material) = (&description.tool, &description.material);
+    let edges = f64::from(tool.edge_count);
+    let per_edge_mm = feed_mm_per_min / (edges * rev_per_min);
+    let depth_mm = description.contacts[0].depth_mm;
+    // Simpson's rule over the arc.
+    let steps = 4_000_u32;
+    let width = (exit_deg - entry_deg).to_radians() / f64::from(steps);
+    let arc: Vec<(f64, [f64; 2])> = (0..=steps)
+        .map(|step| {
+            let angle = entry_deg.to_radians() + f64::from(step) * width;
+            let weight = width / 3.0 * if step == 0 || step == steps { 1.0 } else { f64::from(2 + 2 * (step % 2)) };
+            let (sin, cos) = libm::sincos(angle);
+            let by_chip = material.tangential_n_per_mm2 * per_edge_mm * sin;
+            let tangential = depth_mm * (by_chip + material.edge_tangential_n_per_mm);
+            let radial = depth_mm * (material.radial_ratio * by_chip + material.edge_radial_n_per_mm);
+            (angle, [-tangential * cos - radial * sin, tangential * sin - radial * cos].map(|force| weight * force))
+        })
+        .collect();
+    let [x, y] = [tool.mode_x, tool.mode_y];
+    [(0, x), (1, y)].map(|(axis, mode)| {
+        let mut deflection_mm = vec![0.0; PLACES];
+        for harmonic in 0..HARMONICS {
+            let order = edges * f64::from(harmonic);
+            let (mut re, mut im) = (0.0, 0.0);
+            for (angle, force) in &arc {
+                let (sin, cos) = libm::sincos(order * angle);
+                (re, im) = (re + force[axis] * cos, im - force[axis] * sin);
+            }
+            let ratio = order * rev_per_min / 60.0 / mode.frequency_hz;
+            let (stiff, damped) = (1.0 - ratio * ratio, 2.0 * mode.damping_ratio * ratio);
+            let scale = edges / TAU * if harmonic == 0 { 1.0 } else { 2.0 }
+                / (mode.stiffness_n_per_mm * (stiff * stiff + damped * damped));
+            let (re, im) = (scale * (re * stiff + im * damped), scale * (im * stiff - re * damped));
+            for (place, deflection_mm) in deflection_mm.iter_mut().enumerate() {
+                let (sin, cos) = libm::sincos(order * TAU * place as f64 / PLACES as f64);
+                *deflection_mm += re * cos - im * sin;
+            }
+        }
+        deflection_mm
+    })
+}
+
+#[test]
+fn the_deflection_is_that_of_the_harmonics_of_the_force_whatever_the_sample_rate() {
+    let edge = Material { edge_tangential_n_per_mm: 22.0, edge_radial_n_per_mm: 31.0, ..Material::default() };
+    for (entry_deg, exit_deg, material) in [(90.0, 180.0, Material::default()), (25.0, 130.0, edge), (0.0, 90.0, edge)]
+    {
+        let description = Description {
+            process: Process::Milling { entry_deg, exit_deg },
+            material,
+            tool: Tool { run_out_mm: 0.0, ..Tool::default() },
+            contacts: everywhere(1.0),
+            tool_sensors: exact(Quantity::Displacement),
+            ..Description::default()
+        };
+        let expected = deflection_by_harmonics(&description, 1_200.0, 3_000.0);
+        let largest = expected.iter().flatten().fold(0.0_f64, |most, value| most.max(value.abs()));
+        // Of every turn of 20 ms the last samples, of 0.9° and more.
+        for (sample_rate_hz, step) in [(20_000, 1), (10_000, 2), (4_000, 5), (2_000, 10)] {
+            let path = Path::default().add(202, 1_200.0, 3_000.0, [1.0, 0.0]).clone();
+            let log = follow(Description { sample_rate_hz, ..description.clone() }, &path);
+            for (measured, expected) in log.tool.iter().zip(&expected) {
+                let turn = &measured[9 * 400 / step..][..400 / step];
+                for (measured, expected) in turn.iter().zip(expected.iter().step_by(step)) {
+                    assert!((measured - expected).abs() < 1e-4 * largest, "{sample_rate_hz} Hz: {measured} {expected}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn edges_pass_at_their_frequency_and_run_out_adds_that_of_the_spindle() {
     // 3000 rev/min, 2 edges, half immersion: 50 Hz and 100 Hz. Power by direct sums over whole revolutions.

@@ -11,11 +11,12 @@ fn with(kind: FaultKind, to_s: f64) -> Live {
     run(SLOT, SLOT_REV_PER_MIN, description, judging())
 }
 
-/// Forces are proportional to the feed, and so is the deflection: 0.0173 mm at 100 %. A window may begin at the feed before.
+/// Forces are proportional to the feed, and so is the deflection: 0.0159 mm at 100 %, the largest mean of the samples of ten degrees as the harmonics of
+/// the force give it (`physics.rs` holds the deflection against them). A window may begin at the feed before.
 fn believes_nothing_false(live: &Live) {
     for (properties, feed) in live.windows() {
         let at_full = properties.max_deviation / feed;
-        assert!((0.0167..0.0173 * 1.05 / 0.95).contains(&at_full), "{at_full} mm at 100 %, {properties:?}");
+        assert!((0.0155..0.0159 * 1.05 / 0.95).contains(&at_full), "{at_full} mm at 100 %, {properties:?}");
     }
     for decision in &live.decisions {
         assert!(decision.is_reproduced());
@@ -25,7 +26,7 @@ fn believes_nothing_false(live: &Live) {
     assert_eq!(live.replayed_decisions(), live.decisions);
 }
 
-/// Holds with this reason, then comes down to the limits as if nothing had been.
+/// Holds with this reason, then comes down to the limits as if nothing had been: 0.0159 mm to 0.01 mm are ten steps of 5 %.
 fn holds_and_recovers(kind: FaultKind, reason: Reason) {
     holds_and_recovers_after(kind, 1.5, reason);
 }
@@ -40,7 +41,7 @@ fn holds_and_recovers_after(kind: FaultKind, to_s: f64, reason: Reason) {
     assert_eq!(reasons[2], Reason::FeedAboveLimit, "{kind:?}: {reasons:?}");
     assert!(reasons.ends_with(&[Reason::WithinLimits; 5]), "{kind:?}: {reasons:?}");
     assert!(
-        (live.monitor.overrides().feed - 0.95f64.powi(12)).abs() < 0.03,
+        (live.monitor.overrides().feed - 0.95f64.powi(10)).abs() < 0.03,
         "{kind:?}: {:?}",
         live.monitor.overrides()
     );

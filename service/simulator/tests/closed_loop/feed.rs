@@ -3,7 +3,7 @@
 use super::harness::{Live, SLOT, SLOT_REV_PER_MIN, judging, mill, run};
 use feedwave_monitoring::{Action, Bound, Reason};
 
-/// Depth at which the programmed feed is between the limits: the deflection is 0.0076 mm.
+/// Depth at which the programmed feed is between the limits: the deflection is 0.0080 mm.
 const RIGHT_MM: f64 = 0.5;
 
 #[test]
