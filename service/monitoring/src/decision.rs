@@ -180,7 +180,7 @@ pub struct SpindleRequest {
     pub decision: u64,
     /// Override requested.
     pub spindle: f64,
-    /// Override before.
+    /// Override before, to which a refusal goes back.
     pub from: f64,
     /// Whether the machine has accepted it.
     pub accepted: bool,
@@ -207,7 +207,7 @@ pub struct SpindlePlan {
     /// Whether changes are planned for a place between sections, and in force once the machine has reached the speed;
     /// otherwise they are in force as they are decided.
     pub planned: bool,
-    /// The request in progress.
+    /// The request in progress; of several the newest.
     pub request: Option<SpindleRequest>,
     /// Override that was refused last, by the machine or because conditions would no longer hold: not requested again until the
     /// programmed speed, the tool or the override has changed.

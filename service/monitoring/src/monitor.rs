@@ -17,6 +17,7 @@ use contact::Contact;
 use input::{Channels, Sample};
 use serde::{Deserialize, Serialize};
 pub use snapshot::SnapshotError;
+use spindle::Requests;
 use window::Window;
 
 /// State of the run.
@@ -68,8 +69,9 @@ struct Run {
     newest_batch: Option<u64>,
     samples: u64,
     decisions: u64,
-    /// The last member: snapshots of earlier versions end before it.
+    /// From here on: what snapshots of earlier versions lack, one after the other.
     spindle: SpindlePlan,
+    requests: Requests,
 }
 
 /// Turns samples and events into decisions.
@@ -140,6 +142,7 @@ impl Monitor {
             samples: 0,
             decisions: 0,
             spindle: SpindlePlan::default(),
+            requests: Requests::default(),
         };
         Ok(Self::with_run(config, run))
     }
@@ -303,6 +306,11 @@ impl Monitor {
             if !(bounds.lower..=bounds.upper).contains(&value) {
                 return Err(EventError::Override { which, value, lower: bounds.lower, upper: bounds.upper });
             }
+        }
+        // Who states the speed in force answers all decisions on it.
+        if !self.run.spindle.planned && overrides.spindle != self.run.overrides.spindle {
+            self.run.requests.clear();
+            self.run.spindle = SpindlePlan::default();
         }
         self.run.overrides = overrides;
         // A hold ends with a resume only.

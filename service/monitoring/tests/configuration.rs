@@ -132,10 +132,10 @@ fn a_snapshot_with_limits_in_radians_is_continued_in_degrees() {
         Monitor::new(config).expect("a possible configuration")
     };
     // The layout has not changed with the unit, only the version that the bytes begin with; since then the plan of the spindle
-    // speed has come behind it: no plan, no request, no refusal.
+    // speed has come behind it (no plan, no request, no refusal), and the requests that are in force at once (none).
     let mut bytes = with(-std::f64::consts::FRAC_PI_4, std::f64::consts::PI).snapshot().unwrap();
-    assert_eq!(std::mem::replace(&mut bytes[0], 4), 6);
-    assert_eq!(bytes.split_off(bytes.len() - 3), [0, 0, 0]);
+    assert_eq!(std::mem::replace(&mut bytes[0], 4), 7);
+    assert_eq!(bytes.split_off(bytes.len() - 4), [0; 4]);
     let continued = Monitor::restore(&bytes).unwrap();
     assert_eq!(continued.config(), with(-45.0, 180.0).config());
     assert_eq!(continued.spindle(), SpindlePlan::default());
@@ -145,8 +145,8 @@ fn a_snapshot_with_limits_in_radians_is_continued_in_degrees() {
 fn a_snapshot_from_before_the_plan_of_the_spindle_speed_is_continued_without_one() {
     let monitor = Monitor::new(config()).expect("a possible configuration");
     let mut bytes = monitor.snapshot().unwrap();
-    assert_eq!(std::mem::replace(&mut bytes[0], 5), 6);
-    bytes.truncate(bytes.len() - 3);
+    assert_eq!(std::mem::replace(&mut bytes[0], 5), 7);
+    bytes.truncate(bytes.len() - 4);
     let continued = Monitor::restore(&bytes).unwrap();
     assert_eq!((continued.config(), continued.spindle()), (monitor.config(), SpindlePlan::default()));
     // The plan is part of what a continuation knows.

@@ -79,6 +79,12 @@ fn answered(
         (SpindleAnswer::Reached { .. }, false) => return outcome(Action::Keep, Reason::SpindleReached),
         (SpindleAnswer::Reached { .. }, true) => (request.spindle, Reason::SpindleReached),
         (SpindleAnswer::Refused, true) => return outcome(Action::Keep, Reason::SpindleRefused),
+        // A later decision is in force, which goes back further when it is refused as well.
+        (SpindleAnswer::Refused, false)
+            if inputs.spindle.request.is_some_and(|newest| newest.decision != request.decision) =>
+        {
+            return outcome(Action::Keep, Reason::SpindleRefused);
+        }
         (SpindleAnswer::Refused, false) => (request.from, Reason::SpindleRefused),
     };
     let (feed, feed_bound) = feed_with_spindle(inputs, spindle);

@@ -1,18 +1,23 @@
 //! The whole state as one value: a run resumes exactly where it was.
 
+use super::spindle::Requests;
 use super::{Monitor, Run, State};
 use crate::config::MonitoringConfig;
-use crate::decision::SpindlePlan;
 use crate::rules::SpindleRule;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Changes whenever the layout of a snapshot does, or the meaning of a value in it.
-const VERSION: u32 = 6;
-/// As [`VERSION`], without what is known of changes of the spindle speed.
+const VERSION: u32 = 7;
+/// Without the requests of the spindle speed that are in force at once, but for the newest.
+const VERSION_WITH_PLAN: u32 = 6;
+/// Without what is known of changes of the spindle speed.
 const VERSION_WITHOUT_PLAN: u32 = 5;
 /// As [`VERSION_WITHOUT_PLAN`], with the limits of [`SpindleRule::Turning`] in radians.
 const VERSION_IN_RADIANS: u32 = 4;
+/// What has been added stands at the end of a snapshot, and where there is nothing of it, it is a zero for each of its parts.
+const ZEROS_WITH_PLAN: usize = 1;
+const ZEROS_WITHOUT_PLAN: usize = 3 + ZEROS_WITH_PLAN;
 
 #[derive(Serialize)]
 struct SnapshotRef<'a> {
@@ -62,15 +67,17 @@ impl Monitor {
     /// [`SnapshotError`] when the bytes are not a whole and consistent snapshot of this version.
     pub fn restore(bytes: &[u8]) -> Result<Self, SnapshotError> {
         let (found, rest) = postcard::take_from_bytes::<u32>(bytes)?;
-        if ![VERSION, VERSION_WITHOUT_PLAN, VERSION_IN_RADIANS].contains(&found) {
-            return Err(SnapshotError::Version { found, expected: VERSION });
-        }
-        let Snapshot { mut config, run } = if found == VERSION {
-            postcard::from_bytes(rest)?
-        } else {
-            let plan = postcard::to_allocvec(&SpindlePlan::default())?;
-            postcard::from_bytes(&[rest, &plan].concat())?
+        let zeros = match found {
+            VERSION => 0,
+            VERSION_WITH_PLAN => ZEROS_WITH_PLAN,
+            VERSION_WITHOUT_PLAN | VERSION_IN_RADIANS => ZEROS_WITHOUT_PLAN,
+            _ => return Err(SnapshotError::Version { found, expected: VERSION }),
         };
+        let Snapshot { mut config, mut run } =
+            postcard::from_bytes(&[rest, &[0; ZEROS_WITHOUT_PLAN][..zeros]].concat())?;
+        if found != VERSION {
+            run.requests = Requests::from_plan(run.spindle);
+        }
         if let SpindleRule::Turning { lower_deg, upper_deg, .. } = &mut config.rules.spindle
             && found == VERSION_IN_RADIANS
         {
@@ -90,6 +97,7 @@ impl Monitor {
             || (run.held_feed.is_some() && run.overrides.feed != 0.0)
             || run.baseline.len() != config.points()
             || !run.window.fits(&config)
+            || !run.requests.fits(run.spindle)
         {
             return Err(SnapshotError::Inconsistent);
         }
