@@ -1,5 +1,6 @@
 //! Decisions and threads in a live run, and what becomes of a run whose telemetry stops: all without the client's help.
 
+use feedwave_contract::proto::decision_inputs::Evidence;
 use feedwave_contract::proto::run_request::Message as Request;
 use feedwave_contract::proto::run_response::Message;
 use feedwave_contract::proto::run_start::Target;
@@ -123,6 +124,19 @@ fn window(number: u64) -> TelemetryBatch {
     TelemetryBatch { sequence: number, ..whole }
 }
 
+/// Everything up to the first change as one batch, so that no silence can come between.
+fn three_windows() -> TelemetryBatch {
+    let mut all = window(0);
+    for more in [window(1), window(2)] {
+        let (tool, all_tool) = (more.tool.expect("a sensor"), all.tool.as_mut().expect("a sensor"));
+        all.time_ns.extend(more.time_ns);
+        all_tool.x.extend(tool.x);
+        all_tool.y.extend(tool.y);
+        all.contact.extend(more.contact);
+    }
+    all
+}
+
 async fn monitored(server: &Server, program: &str, config: MonitoringConfig) -> String {
     let job = server.connect().await.submit(program).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
@@ -197,16 +211,7 @@ async fn telemetry_that_stops_while_cutting_brings_the_fallback_whether_the_clie
         while run.lines.len() < 500 {
             assert_eq!(run.next().await, None);
         }
-        // One batch for everything up to the first change, so that no silence can come between.
-        let mut all = window(0);
-        for more in [window(1), window(2)] {
-            let (tool, all_tool) = (more.tool.expect("a sensor"), all.tool.as_mut().expect("a sensor"));
-            all.time_ns.extend(more.time_ns);
-            all_tool.x.extend(tool.x);
-            all_tool.y.extend(tool.y);
-            all.contact.extend(more.contact);
-        }
-        run.say(Request::Batch(all)).await;
+        run.say(Request::Batch(three_windows())).await;
         while run.durable_batch.is_none() {
             assert_eq!(run.next().await, None);
         }
@@ -245,4 +250,57 @@ async fn telemetry_that_stops_while_cutting_brings_the_fallback_whether_the_clie
         drop(run);
         is_replayed(&server, &name).await;
     }
+}
+
+/// A run that is in its thread behind a slower feed, and gets no more telemetry; `None` where the silence was noticed before.
+async fn silent_in_the_thread(server: &Server, silence_s: f64) -> Option<Live> {
+    let mut config = config();
+    config.quality.as_mut().expect("demands").silence_s = Some(silence_s);
+    config.rules.as_mut().expect("rules").fallback = SilenceFallback::Full.into();
+    let job = monitored(server, THREAD, config).await;
+    let mut run = Live::open(server, Target::Job(job), 0).await.expect("a run");
+    run.reach(3).await;
+    run.say(Request::Batch(three_windows())).await;
+    while run.changes.is_empty() {
+        assert_eq!(run.next().await, None);
+    }
+    run.reach(4).await;
+    while !run.decisions.iter().any(in_silence) {
+        assert_eq!(run.next().await, None);
+    }
+    run.decisions.last().is_some_and(|decision| reason(decision) == DecisionReason::Threading).then_some(run)
+}
+
+fn in_silence(decision: &Decision) -> bool {
+    let evidence = decision.inputs.as_ref().and_then(|inputs| inputs.evidence.as_ref());
+    matches!(evidence, Some(Evidence::SilenceNs(_)))
+}
+
+fn reason(decision: &Decision) -> DecisionReason {
+    decision.outcome.expect("an outcome").reason()
+}
+
+#[tokio::test]
+async fn telemetry_that_stops_in_a_thread_brings_the_fallback_behind_the_pass() {
+    let server = Server::start(FEEDWAVE).await;
+    // Where the thread is reached later than that, a longer one is tried.
+    let mut silent = None;
+    for silence_s in [0.05, 0.5, 5.0, 50.0] {
+        silent = silent_in_the_thread(&server, silence_s).await;
+        if silent.is_some() {
+            break;
+        }
+    }
+    let mut run = silent.expect("a silence in the thread");
+    let name = run.started.run.clone();
+    let in_the_pass = run.lines.len() as u64;
+    assert_eq!(run.changes.len(), 1, "the pass is cut at the feed that it has");
+    assert_eq!(run.finish().await.state(), RunState::Finished);
+    assert_eq!(run.decisions.last().map(reason), Some(DecisionReason::Silence));
+    let [_, full] = run.changes.as_slice() else { panic!("{:?}", run.changes) };
+    assert_eq!((full.ratio, full.cause()), (1.0, FeedChangeCause::Decision));
+    let pass_end = run.lines.iter().rposition(|line| *line == 4).expect("a pass") as u64;
+    assert!(in_the_pass < pass_end && pass_end < full.setpoint_index, "{pass_end}, {full:?}");
+    drop(run);
+    is_replayed(&server, &name).await;
 }

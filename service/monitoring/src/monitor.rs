@@ -4,6 +4,7 @@
 mod contact;
 pub(crate) mod input;
 mod judging;
+mod silence;
 mod snapshot;
 mod spindle;
 mod window;
@@ -11,11 +12,12 @@ mod window;
 use crate::batch::{Batch, BatchError, Event, EventError, Receipt};
 use crate::channel::Worth;
 use crate::config::{MonitoringConfig, Violation};
-use crate::decision::{Decision, Evidence, HoldReason, Overrides, SpindlePlan};
+use crate::decision::{Decision, HoldReason, Overrides, SpindlePlan};
 use crate::spectrum::Analyser;
 use contact::Contact;
 use input::{Channels, Sample};
 use serde::{Deserialize, Serialize};
+use silence::Silence;
 pub use snapshot::SnapshotError;
 use spindle::Requests;
 use window::Window;
@@ -55,8 +57,7 @@ struct Run {
     settled_ns: u64,
     last_ns: Option<u64>,
     clock_ns: Option<u64>,
-    /// The silence in progress has brought its fallback.
-    silent: bool,
+    silence: Silence,
     overrides: Overrides,
     /// Feed override that a resume takes, while an escalation holds the feed.
     held_feed: Option<f64>,
@@ -131,7 +132,7 @@ impl Monitor {
             settled_ns: 0,
             last_ns: None,
             clock_ns: None,
-            silent: false,
+            silence: Silence::None,
             overrides: Overrides::FULL,
             held_feed: None,
             windows_at_bound: 0,
@@ -260,11 +261,13 @@ impl Monitor {
                     self.run.windows_at_bound = 0;
                     // What was collected so far was cut without feed.
                     self.restart_window();
+                    self.settle_silence(sink);
                 }
             }
             Event::Threading(threading) => {
                 self.run.threading = threading;
                 self.run.threaded |= threading;
+                self.settle_silence(sink);
             }
             Event::Tool(tool) => {
                 if tool != self.run.tool {
@@ -325,10 +328,12 @@ impl Monitor {
     #[inline]
     fn step_ns(&mut self, time_ns: u64, sink: &mut dyn FnMut(Decision)) -> u64 {
         let last = self.run.last_ns.replace(time_ns);
-        let was_silent = self.run.silent;
+        let was_silent = self.run.silence != Silence::None;
         let age = self.run.clock_ns.map_or(0, |clock| clock.saturating_sub(time_ns));
         // What arrives as late as a silence is long does not end it: its fallback comes once.
-        self.run.silent &= age > self.times.silence;
+        if age <= self.times.silence {
+            self.run.silence = Silence::None;
+        }
         if age > self.times.stale {
             self.run.window.invalidate(HoldReason::Stale);
         }
@@ -344,7 +349,7 @@ impl Monitor {
                 // The silence ended before a clock event reported it.
                 self.run.last_ns = Some(last);
                 self.fall_silent(sink);
-                self.run.silent = false;
+                self.run.silence = Silence::None;
                 self.run.last_ns = Some(time_ns);
             }
             self.run.window.invalidate(HoldReason::TimeGap);
@@ -353,21 +358,6 @@ impl Monitor {
         self.run.channels.interrupt();
         // A stamp that cannot be believed still moves the window on, so that every window ends.
         self.times.period
-    }
-
-    /// Telemetry stopped: the fallback, once, if tool and work touch.
-    fn fall_silent(&mut self, sink: &mut dyn FnMut(Decision)) {
-        if !self.is_cutting() || self.run.silent {
-            return;
-        }
-        self.run.silent = true;
-        let time_ns = self.run.last_ns.map_or(0, |last| last.saturating_add(self.times.silence));
-        let span = std::mem::take(&mut self.run.window.span);
-        self.decide(time_ns, span, Evidence::Silence { tolerated_ns: self.times.silence }, sink);
-        if self.run.state != State::Stopped {
-            self.restart_window();
-            self.run.window.invalidate(HoldReason::TimeGap);
-        }
     }
 
     #[inline]

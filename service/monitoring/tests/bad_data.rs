@@ -4,8 +4,8 @@ mod common;
 
 use common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
 use feedwave_monitoring::{
-    Action, Batch, BatchError, Decision, Event, EventError, Fallback, HoldReason, MAX_BATCH_SAMPLES, Overrides, Reason,
-    Receipt, SpikeFilter, SpindleRule, State,
+    Action, Batch, BatchError, Decision, Event, EventError, Fallback, HoldReason, MAX_BATCH_SAMPLES, Monitor,
+    Overrides, Reason, Receipt, SpikeFilter, SpindleRule, State,
 };
 
 /// First sample of the first measuring window of [`cutting`], and some sample well inside it.
@@ -237,6 +237,51 @@ fn silence_gives_up_a_planned_speed_and_takes_it_back_where_it_was_asked_for() {
     };
     assert_eq!(requested(None), None, "nobody was asked");
     assert_eq!(requested(Some(38)), Some(1.0), "the machine may have begun to change the speed");
+}
+
+/// A thread begins behind a window with a decision, and telemetry stops in it; the silence is noticed there, and holds.
+fn silent_in_a_thread(fallback: Fallback) -> (Monitor, u64) {
+    let mut config = config();
+    config.rules.fallback = fallback;
+    let mut monitor = monitor(config);
+    let columns = cutting([0.05, 0.0], 1);
+    run(&mut monitor, &columns);
+    assert_eq!(monitor.overrides().feed, 0.98);
+    assert!(note(&mut monitor, Event::Threading(true)).is_empty());
+    let noticed_ns = columns.time_ns.last().unwrap() + 500_000_001;
+    let held = note(&mut monitor, Event::Clock(noticed_ns));
+    let reason = if fallback == Fallback::Full { Reason::Threading } else { Reason::Silence };
+    assert_eq!((reasons(&held), monitor.overrides().feed), (vec![reason], 0.98));
+    let monitor = Monitor::restore(&monitor.snapshot().unwrap()).unwrap();
+    (monitor, noticed_ns)
+}
+
+#[test]
+fn silence_that_begins_in_a_thread_brings_its_fallback_behind_it() {
+    let (mut monitor, noticed_ns) = silent_in_a_thread(Fallback::Full);
+    assert!(note(&mut monitor, Event::Clock(noticed_ns + 1_000_000_000)).is_empty(), "the pass goes on");
+    let behind = note(&mut monitor, Event::Threading(false));
+    assert_eq!((reasons(&behind), monitor.overrides()), (vec![Reason::Silence], Overrides::FULL));
+    assert_eq!((behind[0].outcome.action, behind[0].time_ns), (Action::Change, noticed_ns + 1_000_000_000));
+    assert!(behind[0].is_reproduced());
+    for threading in [true, false] {
+        assert!(note(&mut monitor, Event::Threading(threading)).is_empty(), "once");
+    }
+    assert!(note(&mut monitor, Event::Clock(noticed_ns + 2_000_000_000)).is_empty(), "once");
+
+    let (mut monitor, _) = silent_in_a_thread(Fallback::Hold);
+    assert!(note(&mut monitor, Event::Threading(false)).is_empty(), "it held, and holds");
+}
+
+#[test]
+fn silence_that_ends_in_a_thread_brings_nothing_behind_it() {
+    let (mut monitor, noticed_ns) = silent_in_a_thread(Fallback::Full);
+    let mut columns = Columns::default();
+    columns.add(100, [0.05, 0.0], true);
+    columns.time_ns.iter_mut().for_each(|time| *time += noticed_ns + 1_000_000);
+    assert!(run(&mut monitor, &columns).is_empty());
+    assert!(note(&mut monitor, Event::Threading(false)).is_empty());
+    assert_eq!(monitor.overrides().feed, 0.98);
 }
 
 #[test]

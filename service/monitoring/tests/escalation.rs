@@ -181,6 +181,11 @@ fn silence_does_not_give_a_held_feed_back() {
     let silence = note(&mut monitor, Event::Clock(last + 2_000_000_000));
     assert_eq!((silence[0].outcome.action, silence[0].outcome.reason), (Action::Hold, Reason::FeedHeld));
     assert_eq!(monitor.overrides().feed, 0.0);
+    // Whoever resumes is still without telemetry.
+    let resumed = note(&mut monitor, Event::Resume);
+    assert_eq!((resumed[0].outcome.action, resumed[0].outcome.reason), (Action::Change, Reason::Silence));
+    assert!(resumed[0].is_reproduced());
+    assert_eq!(monitor.overrides(), Overrides::FULL);
 }
 
 #[test]

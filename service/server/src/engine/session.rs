@@ -273,7 +273,7 @@ impl Session {
         Ok(())
     }
 
-    /// Tells the monitor whether the setpoints handed out cut a thread.
+    /// Tells the monitor whether the setpoints handed out cut a thread, which it has to know before telemetry and in a silence.
     pub(super) fn cut_thread(&mut self, pass: bool) -> Result<()> {
         if self.pass.replace(pass) == Some(pass) {
             return Ok(());

@@ -330,6 +330,10 @@ impl Worker {
             return Err(Error::invalid("receipt.received", why));
         }
         self.receipts.receive(received, sent, Instant::now());
+        if self.session.monitor().owes_fallback() {
+            // No telemetry brings the end of the pass.
+            self.session.cut_thread(self.cuts_thread())?;
+        }
         self.view.presence.touch();
         Ok(())
     }
