@@ -67,6 +67,15 @@ run() {
 run "$bin/initdb" --pgdata "$folder/data" --username feedwave --auth trust --encoding UTF8 --locale C \
     >"$folder/initdb.log" 2>&1 || missing "initdb failed: $(tail -n 1 "$folder/initdb.log")"
 
+# With certificates, for those who ask to be sure of it and of what is between; of this user it asks for one itself.
+readonly certificates=$PWD/tests/fixtures/tls sworn=sworn
+run cp "$certificates/database.pem" "$certificates/database-key.pem" "$certificates/ca.pem" "$folder/data"
+run chmod 600 "$folder/data/database-key.pem"
+echo "hostssl all $sworn 127.0.0.1/32 trust clientcert=verify-ca
+host all $sworn 127.0.0.1/32 reject
+$(cat "$folder/data/pg_hba.conf")" >"$folder/pg_hba.conf"
+run cp "$folder/pg_hba.conf" "$folder/data/pg_hba.conf"
+
 # Whether the server runs: one that has ended may still wait to be buried.
 runs() {
     local state
@@ -80,6 +89,7 @@ start() {
     # Of a group of its own, and through no shell that waits: the process that is ended is the server's.
     setsid "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$bin/postgres" -D "$folder/data" -p "$1" -k "$folder" \
         -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning -c fsync=off \
+        -c ssl=on -c ssl_cert_file=database.pem -c ssl_key_file=database-key.pem -c ssl_ca_file=ca.pem \
         >>"$folder/server.log" 2>&1 </dev/null &
     echo "$!" >"$folder/pid"
     local _
@@ -107,6 +117,7 @@ for _ in $(seq 20); do
     port=
 done
 [[ -n $port ]] || missing "it does not start: $(tail -n 1 "$folder/server.log")"
+run "$bin/createuser" -h "$folder" -p "$port" -U feedwave --superuser "$sworn"
 
 # Crashes it and starts it again, for tests that want to see that.
 {

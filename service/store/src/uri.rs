@@ -33,7 +33,7 @@ const SCHEMES: [&str; 2] = [sqlite::SCHEME, postgres::SCHEMES[0]];
 /// | option | range | default | meaning |
 /// | --- | --- | --- | --- |
 /// | `host`, `user` | path, name | – | folder of the server's socket, as in `postgres:///feedwave?host=/run/postgresql&user=feedwave` |
-/// | `sslmode` | `disable`, `require`, `verify-ca`, `verify-full` | `verify-full`; `disable` on this machine | encryption of the connection |
+/// | `sslmode` | `disable`, `require`, `verify-ca`, `verify-full` | `verify-full`; `disable` on this machine without certificates | encryption of the connection |
 /// | `sslrootcert` | path | the system's | certificate of the authority that signed the server's |
 /// | `sslcert`, `sslkey` | paths | – | certificate and key of the user |
 /// | `password_file` | path | – | file with the password; it may also stand in the URI or in `PGPASSWORD` |

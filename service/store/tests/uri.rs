@@ -86,6 +86,8 @@ fn what_names_no_database_is_refused_with_the_cure() {
             "postgres://f@db/f?sslmode=prefer",
             "sslmode must be one of disable, require, verify-ca, verify-full, is \"prefer\"",
         ),
+        ("postgres://f@db/f?sslmode=require&sslrootcert=/ca.pem", "sslmode=require does not look at sslrootcert"),
+        ("postgres://f@localhost/f?sslmode=disable&sslrootcert=/ca.pem", "sslmode=disable uses no certificates"),
         ("postgres://f@db/f?sslcert=/c.pem", "sslcert and sslkey are given together"),
         ("postgres://f@db/f?sslrootcert=ca.pem", "sslrootcert must be an absolute path"),
         ("postgres://f:p@db/f?password_file=/p", "it has a password and a password_file: keep one"),

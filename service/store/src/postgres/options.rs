@@ -141,8 +141,18 @@ impl PostgresOptions {
         if options.user.is_empty() {
             return Err(InvalidStoreUri::new(format!("it names no user, as {EXAMPLE} does")));
         }
-        let default = if is_local(&options.host) { Encryption::Disable } else { Encryption::VerifyFull };
-        options.encryption = encryption.unwrap_or(default);
+        // Who states certificates wants them to be used.
+        let has_certificates = options.root_certificate.is_some() || options.certificate.is_some();
+        let is_plain = is_local(&options.host) && !has_certificates;
+        options.encryption = encryption.unwrap_or(if is_plain { Encryption::Disable } else { Encryption::VerifyFull });
+        if has_certificates && options.encryption == Encryption::Disable {
+            return Err(InvalidStoreUri::new("sslmode=disable uses no certificates: leave them out, or sslmode"));
+        }
+        if options.root_certificate.is_some() && options.encryption == Encryption::Require {
+            return Err(InvalidStoreUri::new(
+                "sslmode=require does not look at sslrootcert: verify-ca and verify-full do",
+            ));
+        }
         if options.password.is_some() && options.password_file.is_some() {
             return Err(InvalidStoreUri::new("it has a password and a password_file: keep one"));
         }

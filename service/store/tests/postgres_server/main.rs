@@ -9,6 +9,7 @@ mod audit;
 mod common;
 mod connections;
 mod proxy;
+mod tls;
 
 use std::collections::HashSet;
 use std::time::Duration;
