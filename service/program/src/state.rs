@@ -208,6 +208,8 @@ pub(crate) struct ToolControl {
     pub(crate) thinning: bool,
     /// In a tilted plane: the tool axis is along its normal (`G53.1`, `G53.6`).
     pub(crate) is_aligned: bool,
+    /// In a tilted plane: the tool axis was turned about the tip with this tool length (`G53.6 H`), which was not in force; 0: none.
+    pub(crate) turned_length: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -121,6 +121,13 @@ crate::finding_codes! {
         example: mill("G53.1"),
     }
 
+    "PRG-PLANE-LENGTH" [PLANE_LENGTH: Error] {
+        meaning: "a cut in a tilted plane without the tool length about whose tip the tool axis was turned",
+        cause: "`G53.6 H` turns about the tip of that tool, but switches no length on: the coordinates of the plane are those of the gauge point of the spindle, and the tip is the length deeper.",
+        cure: "Switch the length on with G43 behind `G53.6`, before the tool comes near the work.",
+        example: on("five-axis mill", "G68.2 X0 Y0 Z0 I0 J30. K0\nG53.6 H1\nG0 X0 Y0 Z5\nG1 Z-1 F100"),
+    }
+
     "PRG-PLANE-BLOCK" [PLANE_BLOCK: Error] {
         meaning: "something that a tilted plane does not permit",
         cause: "A word of a rotary axis without `G53`, `G44`, another work offset or a tool change in the plane; \

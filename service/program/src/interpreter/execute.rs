@@ -167,6 +167,9 @@ impl Execution<'_> {
         if is_motion && self.state.is_plane_refused() {
             return;
         }
+        if self.state.tool_control.turned_length != 0 {
+            self.check_turned_length(span, &kind);
+        }
         self.operations.push(Operation { span, kind });
     }
 

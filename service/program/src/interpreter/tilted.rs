@@ -200,11 +200,35 @@ impl Execution<'_> {
         }
         *held = held.with(AxisSet::ROTARY);
         self.state.tool_control.is_aligned = true;
+        self.state.tool_control.turned_length = if in_force == 0 { length_offset } else { 0 };
         let step = self.new_move(MoveKind::Rapid, self.state.position, Feed::PerMinute(0.0));
         let mut guided = self.guided_step(ToolGuide::Align { solution, about_tip }, step);
         guided.held = guided.held.with(AxisSet::LINEAR);
         guided.length_offset = length_offset;
         self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
+    }
+
+    /// Reports a cut that leads the gauge point along a plane onto which the tool axis was turned about the tip.
+    pub(super) fn check_turned_length(&mut self, span: SourceSpan, kind: &OperationKind) {
+        let number = self.state.tool_control.turned_length;
+        let is_cut = match kind {
+            OperationKind::Guided(guided) => guided.step.kind == MoveKind::Cutting && guided.guide == ToolGuide::Plane,
+            OperationKind::Thread(thread) => thread.plane.is_some(),
+            _ => false,
+        };
+        if !is_cut || self.state.length.number != 0 {
+            return;
+        }
+        // Once for each turn.
+        self.state.tool_control.turned_length = 0;
+        self.findings.push_with(code::PLANE_LENGTH, |code| {
+            let message = format!(
+                "a cut of the gauge point: G53.6 turned about the tip of H{number}, but no tool length is in force"
+            );
+            Finding::new(code, span, message)
+                .with_value("length_offset", f64::from(number), "")
+                .suggest(format!("switch the length on behind G53.6, with G43 H{number} where Z is placed"))
+        });
     }
 
     /// A block while `G33` is in force in a tilted plane: a thread along lines of the plane.

@@ -270,6 +270,21 @@ fn the_length_about_the_tip_is_that_of_the_tool() {
 }
 
 #[test]
+fn a_cut_of_the_gauge_point_behind_a_turn_about_the_tip_is_reported_once() {
+    let turned = |words: &str| found(mill(), &format!("G68.2 J30\nG53.6 H1\n{words}"));
+    let reported = |line| vec![(line, "PRG-PLANE-LENGTH".to_owned())];
+    assert_eq!(turned("G0 X0 Y0 Z5\nG1 Z-1 F100\nX5\nG2 X9 I2"), reported(4));
+    assert_eq!(turned("G0 X0 Y0 Z5\nG3 X9 I4.5 F100"), reported(4));
+    assert_eq!(turned("G0 X0 Y0 Z5\nG81 Z-1 R1 F100\nX5"), reported(4));
+    assert_eq!(turned("G0 X0 Y0 Z5\nS100 M3\nG33 Z-9 F1"), reported(5));
+    assert_eq!(turned("G43 H1\nG0 X0 Y0 Z5\nG49\nG1 Z4 F100"), reported(6));
+    // With a length, without a cut, in plain coordinates again, and where the linear axes rested.
+    assert_eq!(turned("G0 X0 Y0\nG43 H1 Z5\nG1 Z-1 F100\nG53.6\nG1 Z-2"), []);
+    assert_eq!(turned("G0 X0 Y0 Z5\nG69\nG0 X0 Y0 Z0\nG1 Z-1 F100"), []);
+    assert_eq!(found(mill(), "G68.2 J30\nG53.1\nG0 X0 Y0 Z5\nG1 Z-1 F100"), []);
+}
+
+#[test]
 fn planes_that_are_none_are_refused() {
     let refused = |words: &str, finding: &str| check(&mill(), words, finding);
     refused("G68.2 P5 I10", "! 1:1+5 PRG-PLANE-WORDS");
