@@ -206,6 +206,23 @@ fn hold_against_all_frequencies(
 }
 
 #[test]
+fn a_chip_that_breaks_as_programmed_and_lacks_a_margin_only_is_said_to() {
+    // 2A/f_r is 1.1 at 100 % of the feed: at 120 % the chip does not break any more.
+    let said = |amplitude: &str, whole: bool| {
+        let program =
+            format!("G21 G97 S1000 M3\nG0 X6. Z2.\nG200 F41.66666667 A{amplitude}\nG1 Z40. F0.05\nG201\nM30\n");
+        let improvement = improved(&program, &lathe(), &goals());
+        let [step] = &improvement.steps[..] else { panic!("one step: {:?}", improvement.steps) };
+        let share = improvement.before.sections[0].broken_share.expect("it is judged");
+        assert_eq!((step.outcome, share == 1.0), (ImprovementOutcome::Changed, whole), "{share}");
+        step.reason.clone()
+    };
+    let lacks = "the chip breaks as programmed, but not at every spindle speed within 2 % and every feed up to 120 %";
+    assert_eq!(said("0.0275", true), format!("at 41.6667 Hz, 0.0275 mm {lacks}"));
+    assert_eq!(said("0.0245", false), "at 41.6667 Hz, 0.0245 mm the chip does not break everywhere");
+}
+
+#[test]
 fn no_frequency_of_2_000_random_sections_is_better_than_the_one_found() {
     // At the finer period more of the vibrations have eight samples.
     let fine = Arc::new(PipelineConfig { interpolation_period_us: 1_000, ..PipelineConfig::clone(&lathe()) });

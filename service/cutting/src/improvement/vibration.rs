@@ -383,6 +383,17 @@ fn unsearchable(reason: Unsearchable, sections: &[&SectionReport]) -> String {
     text.to_owned()
 }
 
+/// Where chips of a line's sections do not break: as programmed, or only at some speed or feed that has to be safe as well.
+fn unbroken<'a>(mut sections: impl Iterator<Item = &'a SectionReport>, goals: &SearchGoals) -> String {
+    if !sections.all(|section| section.broken_share.is_some_and(|share| share >= 1.0)) {
+        return "the chip does not break everywhere".to_owned();
+    }
+    let [speed, feed] = [goals.speed_tolerance, goals.max_feed_override].map(|share| decimal(100.0 * share, 2));
+    format!(
+        "the chip breaks as programmed, but not at every spindle speed within {speed} % and every feed up to {feed} %"
+    )
+}
+
 /// What is said of a section.
 fn step(section: &Section, before: &ValidationReport, state: &State, goals: &ImprovementGoals) -> ImprovementStep {
     let Section { line, programmed, margin, utilisation, .. } = section;
@@ -415,7 +426,7 @@ fn step(section: &Section, before: &ValidationReport, state: &State, goals: &Imp
     let why = if !section.is_followed {
         "an axis cannot follow the vibration".to_owned()
     } else if *margin < 1.0 {
-        "the chip does not break everywhere".to_owned()
+        unbroken(before.sections.iter().filter(|it| it.on_line == *line), &goals.vibration)
     } else if let Some((line, revolutions)) = section.corner {
         whole_at_corners(line, revolutions)
     } else {
