@@ -68,13 +68,15 @@ run "$bin/initdb" --pgdata "$folder/data" --username feedwave --auth trust --enc
     >"$folder/initdb.log" 2>&1 || missing "initdb failed: $(tail -n 1 "$folder/initdb.log")"
 
 # With certificates, for those who ask to be sure of it and of what is between; of this user it asks for one itself.
-readonly certificates=$PWD/tests/fixtures/tls sworn=sworn
-run cp "$certificates/database.pem" "$certificates/database-key.pem" "$certificates/ca.pem" "$folder/data"
-run chmod 600 "$folder/data/database-key.pem"
-echo "hostssl all $sworn 127.0.0.1/32 trust clientcert=verify-ca
+readonly certificates=tests/fixtures/tls sworn=sworn
+# The server may not be able to read this folder, and wants the key to be its own.
+for file in database.pem database-key.pem ca.pem; do
+    run sh -c "umask 077 && cat >data/$file" <"$certificates/$file"
+done
+run sh -c 'cat - data/pg_hba.conf >pg_hba.conf && cp pg_hba.conf data/pg_hba.conf' <<RULES
+hostssl all $sworn 127.0.0.1/32 trust clientcert=verify-ca
 host all $sworn 127.0.0.1/32 reject
-$(cat "$folder/data/pg_hba.conf")" >"$folder/pg_hba.conf"
-run cp "$folder/pg_hba.conf" "$folder/data/pg_hba.conf"
+RULES
 
 # Whether the server runs: one that has ended may still wait to be buried.
 runs() {
