@@ -22,6 +22,9 @@ pub struct GuidedMove {
     pub held: AxisSet,
     /// Number of the tool length (`H`), 0 where the tool is not guided, and in a tilted plane for no length.
     pub length_offset: u32,
+    /// That length with its wear, mm, as the table has it where it was called; 0 for no length, `None` where it is not known,
+    /// which was reported.
+    pub tool_length_mm: Option<f64>,
     /// The tilted plane whose coordinates the end and the circle of the move are in, instead of work coordinates.
     pub plane: Option<TiltedPlane>,
     /// Whether the block does nothing but cut straight: position, direction and modal feed. Only such a block may be

@@ -161,6 +161,8 @@ pub struct ThreadPlane {
     pub plane: TiltedPlane,
     /// Number of the tool length (`H`), 0 for no length.
     pub length_offset: u32,
+    /// That length with its wear, mm.
+    pub tool_length_mm: f64,
 }
 
 /// How a thread is made.

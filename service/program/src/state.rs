@@ -200,6 +200,8 @@ pub(crate) struct ToolControl {
     pub(crate) on_line: u32,
     /// `H`
     pub(crate) length_offset: u32,
+    /// That length with its wear, mm; `None` where it is not known.
+    pub(crate) tool_length_mm: Option<f64>,
     /// Tool direction last programmed.
     pub(crate) direction: Option<[f64; 3]>,
     /// Axes whose place only the machine knows.

@@ -3,6 +3,7 @@
 use feedwave_cutting::PipelineConfig;
 use feedwave_motion::kinematics::vector::{Vec3, sub};
 use feedwave_motion::kinematics::{Kinematics, Setup};
+use feedwave_program::ToolOffset;
 
 use super::common::{Setpoints, run, validate};
 use super::machine::{LENGTH_MM, config};
@@ -89,4 +90,33 @@ fn the_tip_is_on_its_segment_of_turned_work() {
         seen += 1;
     }
     assert!(seen > 100, "{seen}");
+}
+
+#[test]
+fn the_length_is_that_of_the_table_when_it_is_called() {
+    // As a program sets geometry and wear, and in a table that has them from the start.
+    let set = "G10 L10 P1 R125.5\nG10 L11 P1 R-0.25\n";
+    let mut measured = config();
+    measured.tools[0].offset = ToolOffset::new(1).with_length(125.25);
+    let mut unknown = config();
+    unknown.tools.clear();
+    for program in [
+        "G43.4 H1 G0 X0 Y0 Z20 A-20 C10\nG1 X10 A-25 F3000\nG49\nM30\n",
+        "G43.5 H1 G0 X0 Y0 Z20 I0 J0.2 K1\nG1 X10 I0.1 F3000\nG49\nM30\n",
+        "G68.2 X0 Y0 Z0 I0 J20 K0\nG53.1\nG43 H1 G0 X0 Y0 Z20\nG1 X10 F3000\nG49\nG69\nM30\n",
+        "G43.4 H1 G0 X0 Y0 Z20 A0 C0\nG49\nG68.2 X0 Y0 Z0 I0 J20 K0\nG53.6 H1\nG43 H1 G0 X0 Y0 Z20\nG1 X10 F3000\nG49\nG69\nM30\n",
+        "G68.2 X0 Y0 Z0 I0 J20 K0\nG53.1\nG43 H1 G0 X0 Y0 Z20\nM29 S500\nG84 X5 Z-5 R5 F500\nG80\nG49\nG69\nM30\n",
+    ] {
+        let known = validate(&format!("()\n()\n{program}"), &measured);
+        assert!(known.is_accepted(), "{program}: {:#?}", known.findings);
+        let expected = run(&format!("()\n()\n{program}"), &measured);
+        for config in [config(), unknown.clone()] {
+            let setpoints = run(&format!("{set}{program}"), &config);
+            assert_eq!(setpoints.axes, expected.axes, "{program}");
+        }
+    }
+    // One in force stays as it was called, which is said.
+    let changed = validate("G43.4 H1 G0 X0 Y0 Z20 A0 C0\nG10 L10 P1 R125\nG1 X10 F3000\nG49\nM30\n", &config());
+    let codes: Vec<_> = changed.findings.iter().map(|finding| finding.code.name()).collect();
+    assert_eq!(codes, ["PRG-OFFSET-IN-FORCE"]);
 }

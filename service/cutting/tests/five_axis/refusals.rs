@@ -30,11 +30,11 @@ fn missing_data() {
     without.profile.kinematics = None;
     assert_eq!(refusal("G43.4 H1 G0 Z100", &without).code, "FIVE-AXIS-KINEMATICS");
     let finding = refusal("G43.4 H7 G0 Z100", &config());
-    assert_eq!((finding.code.name(), value(&finding, "length_offset")), ("TOOL-LENGTH", 7.0));
+    assert_eq!((finding.code.name(), value(&finding, "length_offset")), ("PRG-TOOL-LENGTH", 7.0));
     let mut no_length = config();
     no_length.tools[0].offset.geometry = None;
     // Once, not in every block.
-    assert_eq!(refusal("G43.4 H1 G0 Z100\nZ90\nZ80", &no_length).code, "TOOL-LENGTH");
+    assert_eq!(refusal("G43.4 H1 G0 Z100\nZ90\nZ80", &no_length).code, "PRG-TOOL-LENGTH");
 }
 
 #[test]

@@ -34,7 +34,7 @@ crate::finding_codes! {
 
     "PRG-TOOL-LENGTH" [TOOL_LENGTH: Error] {
         meaning: "the number of a tool length that is not known",
-        cause: "No tool of the job has this number and a length.",
+        cause: "No tool of the job has this number and a length, and the program has not set one (`G10`).",
         cure: "Give the tool its length, and the job the tool.",
         example: mill("G43 H99 Z100"),
     }

@@ -87,8 +87,21 @@ impl Execution<'_> {
         if let Some(word) = word {
             self.check_length_of_tool(&word, number);
         }
-        let row = self.tool_row(number);
-        let length_mm = row.as_ref().and_then(ToolOffset::length_mm);
+        let Some(length_mm) = self.known_length_mm(number, span) else { return };
+        let length_mm = if negative { -length_mm } else { length_mm };
+        let mut offset = Position::default();
+        match self.tool_row(number).and_then(|row| row.total()) {
+            Some(total) if self.is_linuxcnc_dialect() => offset = total,
+            _ => offset[Axis::Z.index()] = length_mm,
+        }
+        let on_line = span.line;
+        let next = LengthCompensation { is_on: true, number, geometry_number: 0, negative, length_mm, offset, on_line };
+        self.switch_length(next, span);
+    }
+
+    /// The length of a row of the table with its wear, mm; `None` after a finding.
+    pub(super) fn known_length_mm(&mut self, number: u32, span: SourceSpan) -> Option<f64> {
+        let length_mm = self.tool_row(number).as_ref().and_then(ToolOffset::length_mm);
         if length_mm.is_none() {
             self.findings.push_with(code::TOOL_LENGTH, |code| {
                 let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
@@ -97,16 +110,7 @@ impl Execution<'_> {
                     .suggest("give the tool its length, and the job the tool")
             });
         }
-        let Some(length_mm) = length_mm else { return };
-        let length_mm = if negative { -length_mm } else { length_mm };
-        let mut offset = Position::default();
-        match row.and_then(|row| row.total()) {
-            Some(total) if self.is_linuxcnc_dialect() => offset = total,
-            _ => offset[Axis::Z.index()] = length_mm,
-        }
-        let on_line = span.line;
-        let next = LengthCompensation { is_on: true, number, geometry_number: 0, negative, length_mm, offset, on_line };
-        self.switch_length(next, span);
+        length_mm
     }
 
     /// Names the length of another tool than the one in the spindle.

@@ -9,7 +9,7 @@ use super::motion::Frame;
 use super::tool_control::ROTARY_LETTERS;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::state::{Motion, ToolControl, ToolMode};
+use crate::state::{LengthCompensation, Motion, ToolControl, ToolMode};
 use crate::{
     Axis, AxisSet, Feed, Finding, Function, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, ThreadPlane,
     TiltedPlane, ToolAxisSolution, ToolGuide,
@@ -205,6 +205,9 @@ impl Execution<'_> {
         let mut guided = self.guided_step(ToolGuide::Align { solution, about_tip }, step);
         guided.held = guided.held.with(AxisSet::LINEAR);
         guided.length_offset = length_offset;
+        if length_offset != in_force {
+            guided.tool_length_mm = self.known_length_mm(length_offset, span);
+        }
         self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
     }
 
@@ -246,8 +249,8 @@ impl Execution<'_> {
 
     /// The tilted plane in which a thread or a tap is cut.
     pub(super) fn thread_plane(&self) -> Option<Box<ThreadPlane>> {
-        let length_offset = self.state.length.number;
-        self.state.plane_tilted.map(|plane| Box::new(ThreadPlane { plane, length_offset }))
+        let LengthCompensation { number: length_offset, length_mm: tool_length_mm, .. } = self.state.length;
+        self.state.plane_tilted.map(|plane| Box::new(ThreadPlane { plane, length_offset, tool_length_mm }))
     }
 
     /// A rapid or a cut of the axes themselves from within a tilted plane (`G53`, `G28`): to `end` in work coordinates in the
@@ -257,8 +260,15 @@ impl Execution<'_> {
             .into_iter()
             .fold(AxisSet::NONE, |held, axis| if named.contains(axis) { held } else { held.with_axis(axis) });
         let step = self.new_move(kind, end, feed);
-        let guided =
-            GuidedMove { step, guide: ToolGuide::Axes, held, length_offset: 0, plane: None, is_pure_cut: false };
+        let guided = GuidedMove {
+            step,
+            guide: ToolGuide::Axes,
+            held,
+            length_offset: 0,
+            tool_length_mm: Some(0.0),
+            plane: None,
+            is_pure_cut: false,
+        };
         self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
         let control = &mut self.state.tool_control;
         control.held = control.held.with(AxisSet::LINEAR);

@@ -62,10 +62,12 @@ impl Execution<'_> {
         }
         if !is_on {
             let Some(length_offset) = self.length_offset(length, span) else { return };
+            let tool_length_mm = self.known_length_mm(length_offset, span);
             let mode = if vectors { ToolMode::Vectors } else { ToolMode::Angles };
             let held = self.state.tool_control.held.with(AxisSet::LINEAR);
             let on_line = span.line;
-            self.state.tool_control = ToolControl { mode, on_line, length_offset, held, ..ToolControl::default() };
+            self.state.tool_control =
+                ToolControl { mode, on_line, length_offset, tool_length_mm, held, ..ToolControl::default() };
         }
         if let Some(word) = thinning {
             self.thinning_parameter(&word, span);
@@ -369,8 +371,11 @@ impl Execution<'_> {
 
     /// A move as one of a guided tool.
     pub(super) fn guided_step(&self, guide: ToolGuide, step: Move) -> GuidedMove {
-        let ToolControl { mode, length_offset, direction, held, .. } = self.state.tool_control;
-        let length_offset = if mode == ToolMode::Plane { self.state.length.number } else { length_offset };
+        let ToolControl { mode, length_offset, tool_length_mm, direction, held, .. } = self.state.tool_control;
+        let (length_offset, tool_length_mm) = match mode {
+            ToolMode::Plane => (self.state.length.number, Some(self.state.length.length_mm)),
+            _ => (length_offset, tool_length_mm),
+        };
         let others = letter_bit(b'S') | letter_bit(b'T');
         let is_pure_cut = step.kind == MoveKind::Cutting
             && (step.arc.is_none() && step.spline.is_none())
@@ -379,7 +384,7 @@ impl Execution<'_> {
             && self.state.feed_unit != FeedUnit::InverseTime
             && !self.block.has_codes_besides_motion()
             && self.block.letters & others == 0;
-        GuidedMove { step, guide, held, length_offset, plane: self.state.plane_tilted, is_pure_cut }
+        GuidedMove { step, guide, held, length_offset, tool_length_mm, plane: self.state.plane_tilted, is_pure_cut }
     }
 
     /// `I J K` as a direction under `G43.5`; the words of the other form are reported.

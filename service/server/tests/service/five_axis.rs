@@ -76,5 +76,5 @@ async fn a_five_axis_job_is_thinned_and_streamed() {
     let job = test.validated(on_trunnion()).await;
     assert_eq!(job.state(), JobState::Rejected);
     let report = test.jobs().get_report(GetReportRequest { job: job.name }).await.unwrap().into_inner().report.unwrap();
-    assert_eq!(report.findings[0].code, "TOOL-LENGTH");
+    assert_eq!(report.findings[0].code, "PRG-TOOL-LENGTH");
 }

@@ -68,9 +68,8 @@ impl PipelineConfig {
         planned.fold(self.profile.max_feed_override, f64::max).max(1.0)
     }
 
-    pub(super) fn guide_inputs(&self) -> GuideInputs<'_> {
+    pub(super) fn guide_inputs(&self) -> GuideInputs {
         GuideInputs {
-            tools: &self.tools,
             pole_tolerance_deg: self.profile.pole_tolerance_deg,
             corner_direction_tolerance_deg: self.profile.corner_direction_tolerance_deg,
         }

@@ -182,6 +182,7 @@ fn in_plane(mv: &ThreadMove, plane: &ThreadPlane) -> GuidedMove {
         // knows.
         held: AxisSet::ROTARY,
         length_offset: plane.length_offset,
+        tool_length_mm: Some(plane.tool_length_mm),
         plane: Some(plane.plane),
         is_pure_cut: false,
     }

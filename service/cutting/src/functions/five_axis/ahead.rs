@@ -24,7 +24,7 @@ pub(crate) struct Ahead {
     pub(crate) kinematics: Arc<Kinematics>,
     pub(crate) search: CutSearch,
     pub(crate) preferred: BranchPreference,
-    pub(crate) length_offset: u32,
+    pub(crate) tool_length_mm: Option<f64>,
     pub(crate) work_offset: Position,
     /// The direction before.
     pub(crate) direction: Vec3,
@@ -88,7 +88,7 @@ impl Ahead {
     }
 
     fn guided(&mut self, guided: &GuidedMove, line: u32) {
-        let is_same_setup = guided.length_offset == self.length_offset && guided.step.work_offset == self.work_offset;
+        let is_same_setup = guided.tool_length_mm == self.tool_length_mm && guided.step.work_offset == self.work_offset;
         let ToolGuide::Vector { end, .. } = guided.guide else { return self.ended = true };
         let turned = end.filter(|&end| angle(end, self.direction) > SAME_DIRECTION_RAD);
         let is_free = guided.step.kind == MoveKind::Rapid && turned.is_some();

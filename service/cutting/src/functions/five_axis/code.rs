@@ -11,13 +11,6 @@ feedwave_program::finding_codes! {
         example: mill("G43.4 H1 G0 Z100\nM30"),
     }
 
-    "TOOL-LENGTH" [TOOL_LENGTH: Error] {
-        meaning: "tool centre point control with the number of a tool length that is not known",
-        cause: "No tool of the job has the number H and a length.",
-        cure: "Give the tool its length, and the job the tool.",
-        example: five_axis("G43.4 H7 G0 Z100\nM30"),
-    }
-
     "FIVE-AXIS-RANGE" [FIVE_AXIS_RANGE: Error] {
         meaning: "a rotary axis that would leave its range",
         cause: "The programmed angle is outside the range, or the tool direction can only be reached outside it from \

@@ -13,15 +13,12 @@ use feedwave_motion::kinematics::{
     BranchPreference, CutSearch, FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal,
     Kinematics, KinematicsError, Setup, TipCurve, ToolFrame, Toward,
 };
-use feedwave_program::{
-    AXIS_COUNT, Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide,
-};
+use feedwave_program::{AXIS_COUNT, Axis, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide};
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::refusal::no_kinematics;
 use self::refusal::{no_axis, refused};
 use super::ahead::{Ahead, Chosen, CutNote};
-use super::code;
 
 /// Angles of a rotary axis in a tilted plane closer than this are the same: only rounding is between them.
 const SAME_ANGLE_DEG: f64 = 1e-9;
@@ -51,7 +48,6 @@ pub(crate) struct GuideState {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Tool {
-    length_offset: u32,
     work_offset: Position,
     setup: Setup,
     point: FiveAxisPoint,
@@ -59,8 +55,7 @@ struct Tool {
 
 /// What a run of the pipeline gives the guide.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct GuideInputs<'a> {
-    pub(crate) tools: &'a [crate::shared::tool::Tool],
+pub(crate) struct GuideInputs {
     /// Angle to the line of the first rotary axis within which the direction may be bent to lead through it, degrees.
     pub(crate) pole_tolerance_deg: f64,
     /// Largest angle between the programmed direction and the one at a rounded corner or in one curve of short blocks, degrees.
@@ -118,7 +113,7 @@ impl Guide {
     }
 
     /// How corners between guided cuts are rounded.
-    pub(crate) fn corners(&self, inputs: &GuideInputs<'_>) -> FiveAxisCorners<'_> {
+    pub(crate) fn corners(&self, inputs: &GuideInputs) -> FiveAxisCorners<'_> {
         let direction_tolerance_rad = inputs.corner_direction_tolerance_deg.to_radians();
         FiveAxisCorners { kinematics: &self.kinematics, direction_tolerance_rad }
     }
@@ -135,7 +130,7 @@ impl Guide {
         guided: &GuidedMove,
         line: u32,
         state: &GuideState,
-        inputs: &GuideInputs<'_>,
+        inputs: &GuideInputs,
     ) -> Option<Ahead> {
         let ToolGuide::Vector { end: Some(target), .. } = guided.guide else { return None };
         let tool = state.tool.as_ref().filter(|tool| tool.is_for(guided));
@@ -144,7 +139,7 @@ impl Guide {
         }
         let setup = match tool {
             Some(tool) => tool.setup,
-            None => self.setup(guided, SourceSpan::default(), inputs).ok()?,
+            None => self.setup(guided)?,
         };
         let direction = tool
             .map_or_else(|| self.kinematics.point_at(&state.position, &setup).direction, |tool| tool.point.direction);
@@ -161,7 +156,7 @@ impl Guide {
             search: CutSearch::new(setup, stand_rad, tolerance_rad),
             // Within a cut the axes turn no further than they have to.
             preferred: if state.cutting && !is_rapid { BranchPreference::Nearest } else { self.kinematics.preferred() },
-            length_offset: guided.length_offset,
+            tool_length_mm: guided.tool_length_mm,
             work_offset: guided.step.work_offset,
             direction,
             line,
@@ -178,7 +173,7 @@ impl Guide {
         guided: &GuidedMove,
         span: SourceSpan,
         tool: &Tool,
-        inputs: &GuideInputs<'_>,
+        inputs: &GuideInputs,
     ) -> FiveAxisBlock<'static> {
         let step = &guided.step;
         let (_, rotary) = self.kinematics.letters();
@@ -243,12 +238,12 @@ impl Guide {
         span: SourceSpan,
         chosen: Option<Chosen>,
         state: &mut GuideState,
-        inputs: &GuideInputs<'_>,
+        inputs: &GuideInputs,
         findings: &mut FindingLog,
     ) -> Option<Guided> {
         match guided.guide {
             ToolGuide::Align { solution, about_tip } => {
-                let rotary_rad = self.onto_normal(guided, solution, span, state, inputs, findings)?;
+                let rotary_rad = self.onto_normal(guided, solution, span, state, findings)?;
                 match about_tip {
                     false => Some(Guided::Axes(self.align(guided, rotary_rad, state))),
                     true => self.align_about_tip(guided, rotary_rad, span, state, findings).map(Guided::Elements),
@@ -272,7 +267,7 @@ impl Guide {
         span: SourceSpan,
         chosen: Option<Chosen>,
         state: &mut GuideState,
-        inputs: &GuideInputs<'_>,
+        inputs: &GuideInputs,
         findings: &mut FindingLog,
     ) -> Option<FiveAxisMotion> {
         if let Some(axis) = self.unguided_axis(guided, &state.position) {
@@ -280,7 +275,7 @@ impl Guide {
             return None;
         }
         let by_angles = guided.guide == ToolGuide::Angles;
-        self.place_tool(guided, span, state, inputs, findings)?;
+        self.place_tool(guided, state)?;
         let tool = state.tool.as_mut()?;
         let block = self.block(guided, span, tool, inputs);
         let before = tool.point;
@@ -333,55 +328,26 @@ impl Guide {
         Axis::ALL.into_iter().find(moves)
     }
 
-    /// Sees to it that the tool in the state is the one of a move; nothing after a finding.
-    fn place_tool(
-        &self,
-        guided: &GuidedMove,
-        span: SourceSpan,
-        state: &mut GuideState,
-        inputs: &GuideInputs<'_>,
-        findings: &mut FindingLog,
-    ) -> Option<()> {
+    /// Sees to it that the tool in the state is the one of a move; nothing where its length is not known.
+    fn place_tool(&self, guided: &GuidedMove, state: &mut GuideState) -> Option<()> {
         if state.tool.as_ref().is_none_or(|tool| !tool.is_for(guided)) {
-            let setup = match self.setup(guided, span, inputs) {
-                Ok(setup) => setup,
-                Err(finding) => {
-                    if state.is_first_refusal(guided.length_offset) {
-                        findings.push(*finding);
-                    }
-                    return None;
-                }
-            };
+            let setup = self.setup(guided)?;
             let point = self.kinematics.point_at(&state.position, &setup);
-            let (length_offset, work_offset) = (guided.length_offset, guided.step.work_offset);
-            state.tool = Some(Tool { length_offset, work_offset, setup, point });
+            state.tool = Some(Tool { work_offset: guided.step.work_offset, setup, point });
         }
         Some(())
     }
 
-    /// Work coordinates and tool length, or a finding.
-    fn setup(&self, guided: &GuidedMove, span: SourceSpan, inputs: &GuideInputs<'_>) -> Result<Setup, Box<Finding>> {
-        let number = guided.length_offset;
-        let length_mm = match number {
-            // In a tilted plane the length may be off: then the control point itself is led.
-            0 => Some(0.0),
-            _ => inputs.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.offset.length_mm()),
-        };
-        let Some(length_mm) = length_mm else {
-            let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
-            let finding = Finding::new(code::TOOL_LENGTH, span, message)
-                .with_value("length_offset", f64::from(number), "")
-                .suggest("give the tool its length, and the job the tool");
-            return Err(Box::new(finding));
-        };
+    /// Work coordinates and tool length; `None` where the length is not known, which the interpreter has reported.
+    fn setup(&self, guided: &GuidedMove) -> Option<Setup> {
         // Parallel to the machine's axes where the rotary ones are at their offsets: there the program has them at zero.
         let work = self.kinematics.work_frame_at(&self.kinematics.from_position(&guided.step.work_offset));
-        Ok(Setup { work, tool_length_mm: length_mm })
+        Some(Setup { work, tool_length_mm: guided.tool_length_mm? })
     }
 }
 
 impl Tool {
     fn is_for(&self, guided: &GuidedMove) -> bool {
-        self.length_offset == guided.length_offset && self.work_offset == guided.step.work_offset
+        Some(self.setup.tool_length_mm) == guided.tool_length_mm && self.work_offset == guided.step.work_offset
     }
 }

@@ -5,6 +5,7 @@ use crate::block::Word;
 use crate::code;
 use crate::coordinates::{Rotation, WorkOffset, WorkSystem};
 use crate::dialect::letter_bit;
+use crate::state::ToolMode;
 use crate::{Axis, DialectName, Finding, Plane, Position, SourceSpan, ToolOffset};
 
 /// Largest number of a tool offset that `G10` sets.
@@ -152,7 +153,9 @@ impl Execution<'_> {
     /// Sets a row unless it is in force with another offset.
     fn change_tool_row(&mut self, row: ToolOffset, span: SourceSpan) {
         let number = row.number;
-        let is_in_force = self.state.length.number == number || self.state.length.geometry_number == number;
+        let (length, control) = (&self.state.length, &self.state.tool_control);
+        let is_of_tip = matches!(control.mode, ToolMode::Angles | ToolMode::Vectors) && control.length_offset == number;
+        let is_in_force = is_of_tip || length.number == number || length.geometry_number == number;
         let before = self.tool_row(number).map(|row| (row.geometry, row.wear));
         if is_in_force && number != 0 && before != Some((row.geometry, row.wear)) {
             return self.findings.push_with(code::OFFSET_IN_FORCE, |code| {

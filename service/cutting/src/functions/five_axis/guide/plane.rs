@@ -49,11 +49,10 @@ impl Guide {
         solution: ToolAxisSolution,
         span: SourceSpan,
         state: &mut GuideState,
-        inputs: &GuideInputs<'_>,
         findings: &mut FindingLog,
     ) -> Option<[f64; 2]> {
         let plane = guided.plane.as_ref()?;
-        self.place_tool(guided, span, state, inputs, findings)?;
+        self.place_tool(guided, state)?;
         let tool = state.tool.as_ref()?;
         let (setup, pose) = (tool.setup, ToolPose { tip_mm: tool.point.tip_mm, direction: plane.axes[2] });
         let stand_rad = self.kinematics.from_position(&state.position).rotary_rad;
@@ -151,11 +150,11 @@ impl Guide {
         ends: [[f64; 2]; 2],
         span: SourceSpan,
         state: &mut GuideState,
-        inputs: &GuideInputs<'_>,
+        inputs: &GuideInputs,
         findings: &mut FindingLog,
     ) -> Option<PlaneFrame> {
         let plane = guided.plane.as_ref()?;
-        self.place_tool(guided, span, state, inputs, findings)?;
+        self.place_tool(guided, state)?;
         let start = state.tool.as_ref()?.point;
         self.lead(guided, span, None, state, inputs, findings)?;
         let tool = state.tool.as_ref()?;
