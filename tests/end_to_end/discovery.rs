@@ -18,7 +18,7 @@ const SERVICES: [&str; 5] =
 async fn every_service_says_that_it_serves() {
     let server = Server::start(FEEDWAVE).await;
     let mut health = HealthClient::new(server.connect().await.channel);
-    for service in SERVICES.into_iter().chain([""]) {
+    for service in SERVICES.into_iter().chain(["", "liveness"]) {
         let request = HealthCheckRequest { service: service.to_owned() };
         let response = health.check(request).await.unwrap_or_else(|status| panic!("{service}: {status:?}"));
         assert_eq!(response.into_inner().status(), ServingStatus::Serving, "{service}");

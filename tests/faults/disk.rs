@@ -48,6 +48,10 @@ async fn health(clients: &Clients, status: ServingStatus) {
     let mut health = HealthClient::new(clients.channel.clone());
     let mut watch = health.watch(HealthCheckRequest::default()).await.expect("health is watched").into_inner();
     while patiently(watch.message()).await.expect("the watch goes on").expect("a status").status() != status {}
+    // Whatever the store does, the process lives: nobody shall restart it.
+    let liveness = HealthCheckRequest { service: "liveness".to_owned() };
+    let lives = health.check(liveness).await.expect("health is told").into_inner();
+    assert_eq!(lives.status(), ServingStatus::Serving);
 }
 
 fn assert_unavailable(status: &Status) {

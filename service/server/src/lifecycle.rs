@@ -108,6 +108,7 @@ impl Server {
         for service in services::names() {
             health.set_service_status(service, ServingStatus::Serving).await;
         }
+        health.set_service_status(services::LIVENESS, ServingStatus::Serving).await;
         let (readiness, probes) = readiness::follow(store.clone(), health.clone(), metrics.clone(), draining.clone());
         engine.spawn(probes);
         let rules = config.retention.clone();

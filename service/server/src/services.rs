@@ -31,6 +31,10 @@ pub(crate) fn may_compress(path: &str) -> bool {
     !UNCOMPRESSED.contains(&path)
 }
 
+/// Name for health that says only that the process answers, from its start to its end, whatever the store does: restarting
+/// a service that cannot write helps nothing. `/healthz` says the same over HTTP.
+pub(crate) const LIVENESS: &str = "liveness";
+
 /// Names of the services of the contract, for health; the empty one is the whole server.
 pub(crate) fn names() -> Vec<String> {
     let services = DESCRIPTORS.services().filter(|service| service.package_name() == "feedwave.v1");

@@ -21,7 +21,8 @@ pub struct Args {
     /// The service's URL; by default that of the configuration, on this machine
     #[arg(long, value_name = "URL")]
     server: Option<String>,
-    /// Service to ask about, such as `feedwave.v1.Jobs`; by default the whole server
+    /// Service to ask about, such as `feedwave.v1.Jobs`; `liveness`: whether the process answers, whatever its store does;
+    /// by default the whole server
     #[arg(long, value_name = "NAME", default_value = "")]
     service: String,
     /// How long to wait for an answer, s
