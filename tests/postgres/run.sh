@@ -42,6 +42,38 @@ if [[ $(id -u) -eq 0 ]]; then
     as=(setpriv --reuid "$user" --regid "$(id -g "$user")" --clear-groups)
     chown "$user" "$folder"
 fi
+# Whether the server runs: one that has ended may still wait to be buried.
+runs() {
+    local state
+    state=$(awk '{ print $3 }' "/proc/$(cat "$folder/pid" 2>/dev/null || echo none)/stat" 2>/dev/null) && [[ $state != Z ]]
+}
+
+# Starts it on a port; whether it takes connections. It is the process that crashes here, never the machine: what was written is there
+# without being forced out, and a start after a crash does not go through the files of all databases of the tests.
+start() {
+    : >"$folder/server.log"
+    # Of a group of its own, and through no shell that waits: the process that is ended is the server's.
+    setsid "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$bin/postgres" -D "$folder/data" -p "$1" -k "$folder" \
+        -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning -c fsync=off \
+        -c ssl=on -c ssl_cert_file=database.pem -c ssl_key_file=database-key.pem -c ssl_ca_file=ca.pem \
+        >>"$folder/server.log" 2>&1 </dev/null &
+    echo "$!" >"$folder/pid"
+    local _
+    for _ in $(seq 3000); do
+        runs || return 1
+        grep -q 'database system is ready to accept connections' "$folder/server.log" && return 0
+        sleep 0.1
+    done
+    return 1
+}
+
+# Ends it by a signal, and waits until it has ended.
+end() {
+    runs || return 0
+    kill "-$1" "$(cat "$folder/pid")"
+    while runs; do sleep 0.05; done
+}
+
 # What tells a failure of the machine from one of the code: a full disk is not seen in a test.
 report() {
     {
@@ -77,38 +109,6 @@ run sh -c 'cat - data/pg_hba.conf >pg_hba.conf && cp pg_hba.conf data/pg_hba.con
 hostssl all $sworn 127.0.0.1/32 trust clientcert=verify-ca
 host all $sworn 127.0.0.1/32 reject
 RULES
-
-# Whether the server runs: one that has ended may still wait to be buried.
-runs() {
-    local state
-    state=$(awk '{ print $3 }' "/proc/$(cat "$folder/pid" 2>/dev/null || echo none)/stat" 2>/dev/null) && [[ $state != Z ]]
-}
-
-# Starts it on a port; whether it takes connections. It is the process that crashes here, never the machine: what was written is there
-# without being forced out, and a start after a crash does not go through the files of all databases of the tests.
-start() {
-    : >"$folder/server.log"
-    # Of a group of its own, and through no shell that waits: the process that is ended is the server's.
-    setsid "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$bin/postgres" -D "$folder/data" -p "$1" -k "$folder" \
-        -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning -c fsync=off \
-        -c ssl=on -c ssl_cert_file=database.pem -c ssl_key_file=database-key.pem -c ssl_ca_file=ca.pem \
-        >>"$folder/server.log" 2>&1 </dev/null &
-    echo "$!" >"$folder/pid"
-    local _
-    for _ in $(seq 3000); do
-        runs || return 1
-        grep -q 'database system is ready to accept connections' "$folder/server.log" && return 0
-        sleep 0.1
-    done
-    return 1
-}
-
-# Ends it by a signal, and waits until it has ended.
-end() {
-    runs || return 0
-    kill "-$1" "$(cat "$folder/pid")"
-    while runs; do sleep 0.05; done
-}
 
 # A free port: the server is started on one after another until it has one.
 port=

@@ -50,7 +50,7 @@ pub(crate) use check::check;
 use clock::Clock;
 pub(crate) use copy::copy;
 use fault::Remedy;
-pub(crate) use fault::meaning;
+pub(crate) use fault::{is_certificate, meaning};
 use lane::{BoxFuture, Lane, Shared, Transaction};
 pub(crate) use open::migrate;
 pub(crate) use options::{PostgresOptions, SCHEMES, without_password};

@@ -28,6 +28,17 @@ pub(crate) fn meaning(error: &PgDatabaseError) -> Meaning {
     })
 }
 
+/// Whether the certificate that the server showed is not accepted, which trying again does not change.
+pub(crate) fn is_certificate(error: &sqlx::Error) -> bool {
+    let source: Option<&(dyn std::error::Error + 'static)> = match error {
+        sqlx::Error::Io(error) => error.get_ref().map(|source| source as _),
+        sqlx::Error::Tls(source) => Some(source.as_ref()),
+        _ => None,
+    };
+    let source = source.and_then(|source| source.downcast_ref::<rustls::Error>());
+    matches!(source, Some(rustls::Error::InvalidCertificate(_)))
+}
+
 /// What can be done about a failed operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Remedy {
@@ -47,6 +58,7 @@ impl Remedy {
         let StoreError::Unavailable { source: Some(source), .. } = error else { return Self::None };
         let Some(error) = source.downcast_ref::<sqlx::Error>() else { return Self::None };
         match error {
+            error if is_certificate(error) => Self::None,
             sqlx::Error::Io(_) | sqlx::Error::Tls(_) | sqlx::Error::Protocol(_) => Self::Reconnect,
             sqlx::Error::Database(database) => match database.try_downcast_ref::<PgDatabaseError>() {
                 Some(error) => Self::of_code(error.code()),

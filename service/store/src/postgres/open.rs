@@ -7,6 +7,7 @@ use sqlx::postgres::PgDatabaseError;
 use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection};
 
 use super::PostgresOptions;
+use super::fault::is_certificate;
 use super::options::Target;
 use super::retry::{Failure, Patience};
 use super::silence::Silence;
@@ -147,7 +148,11 @@ fn is_code(error: &StoreError, code: &str) -> bool {
 fn cannot_open(error: StoreError) -> StoreError {
     let is_of_file =
         matches!(&error, StoreError::Unavailable { source: Some(source), .. } if source.is::<std::io::Error>());
-    let refused = is_of_file || ["28000", "28P01", "3D000", "42501"].iter().any(|code| is_code(&error, code));
+    let is_of_certificate = matches!(&error, StoreError::Unavailable { source: Some(source), .. }
+        if source.downcast_ref::<sqlx::Error>().is_some_and(is_certificate));
+    let refused = is_of_file
+        || is_of_certificate
+        || ["28000", "28P01", "3D000", "42501"].iter().any(|code| is_code(&error, code));
     match error {
         StoreError::Unavailable { reason, source } if refused => StoreError::CannotOpen { reason, source },
         other => other,

@@ -46,6 +46,7 @@ impl From<sqlx::Error> for StoreError {
             E::ColumnDecode { .. } | E::ColumnNotFound(_) | E::Decode(_) | E::TypeNotFound { .. } => {
                 return Self::corrupt_by("a record has an unexpected form", error);
             }
+            error if postgres::is_certificate(error) => "the certificate of its server is not accepted",
             // SQLite reports what its files do by codes.
             E::Io(_) => "the connection to it failed",
             E::Tls(_) => "the encrypted connection to it failed",
