@@ -1,4 +1,4 @@
-//! The read-only HTTP port, polled as a dashboard polls.
+//! The HTTP port, polled as a dashboard polls.
 
 use bytes::Bytes;
 use feedwave_contract::proto::StreamSetpointsRequest;

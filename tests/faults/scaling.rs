@@ -5,6 +5,7 @@ use bytes::Bytes;
 use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::{CreateJobRequest, JobState};
 use feedwave_tests::{Server, upload};
+use tokio::process::Command;
 
 use crate::FEEDWAVE;
 
@@ -12,6 +13,9 @@ use crate::FEEDWAVE;
 struct Construct {
     name: &'static str,
     machine: &'static str,
+    /// Files below `tests/fixtures` that the service is given first: a profile for `machine`, and tools.
+    files: &'static [&'static str],
+    tools: &'static [&'static str],
     head: &'static str,
     /// One repetition, by its number.
     body: fn(u64) -> String,
@@ -23,6 +27,11 @@ struct Construct {
 const MILL: &str = "G21 G90 G94 G17\nT1 M6\nS3000 M3\nG0 X0 Y0 Z5\n";
 /// A tool of radius 2 mm in the table of offsets.
 const COMPENSATED: &str = "G21 G90 G94 G17\nT1 M6\nS3000 M3\nG10 L12 P1 R2.\nG10 L13 P1 R0\nG0 X0 Y-20 Z5\n";
+const FACE_MILL: &str = "G21 G90 G94 G17 G54\nT4 M6\nS600 M3\nG0 X-70. Y0. Z5.\nG202 P1 D1.\n";
+const FIVE_AXES: &str =
+    "G21 G17 G90 G94 G54\nG10 L10 P1 R100.\nT1 M6\nS12000 M3\nG0 A-20. C0.\nG43.4 H1\nG0 X0 Y0 Z10.\n";
+/// Of G-code system A.
+const LATHE_A: &str = "G21 G97 G99\nT0101\nS800 M3\nG0 X100. Z5.\n";
 const LATHE: &str = "G21 G97 G95\nT0101\nS800 M3\nG0 X100. Z5.\n";
 
 const CONSTRUCTS: &[Construct] = &[
@@ -56,18 +65,94 @@ const CONSTRUCTS: &[Construct] = &[
     }),
     lathe("cylinders", 5_000, |n| format!("G1 X{}. Z-{}. F0.2\n", 50 + n % 40, n % 100)),
     lathe("threads", 200, |n| format!("G0 X40. Z5.\nG33 X40. Z-{}. F1.5\n", 20 + n % 3)),
+    of("inverse time", MILL, 20_000, |n| format!("G93 G1 X{} Y{} F{}\n", n % 300, n % 200, 50 + n % 50)),
+    of("polar coordinates", MILL, 10_000, |n| format!("G16\nG1 X{} Y{} F800\nG15\n", 20 + n % 100, n % 360)),
+    of("loops in loops", MILL, 500, |_| {
+        "#1=0\nWHILE [#1 LT 20] DO1\n#2=0\nWHILE [#2 LT 5] DO2\nG1 X#1 Y#2 F800\n#2=#2+1\nEND2\n#1=#1+1\nEND1\n".to_owned()
+    }),
+    on("linuxcnc", &["posts/linuxcnc.toml"], MILL, "M30\n", |n| {
+        format!("G1 X0 Y0 F800\nG5 X{} Y0 I2 J4 P-2 Q-4\n", 10 + n % 10)
+    })
+    .named("splines", 2_000),
+    on("linuxcnc", &["posts/linuxcnc.toml"], MILL, "M30\n", |n| {
+        format!("G1 X0 Y0 F800\nG5.2 P1 L3 X2 Y4\nX{} Y4 P1\nX12 Y0 P1\nG5.3\n", 6 + n % 4)
+    })
+    .named("NURBS", 2_000),
+    Construct {
+        tools: &["tools/face-mill-120"],
+        ..on("oscillating", &["oscillation-mill.toml", "oscillation-tools.toml"], FACE_MILL, "G203\nM30\n", |n| {
+            format!("G1 X{}. Y{}. F600\n", n * 7 % 60, n % 40)
+        })
+        .named("oscillation", 200)
+    },
+    on("five-axis", &["five-axis-mill.toml"], FIVE_AXES, "G49\nM30\n", |n| {
+        format!("G1 X{}. Y{}. A-{}. C{}. F2000\n", n % 50, n * 3 % 40, 10 + n % 20, n % 30)
+    })
+    .named("tool centre point", 1_000),
+    on("five-axis", &["five-axis-mill.toml"], FIVE_AXES, "M34\nG49\nM30\n", |n| {
+        format!("M33\nG1 X{}.{} Y0 A-{}. C{}. F2000\n", n / 10 % 50, n % 10, 10 + n / 10 % 20, n / 10 % 30)
+    })
+    .named("thinning", 1_000),
+    lathe("vibration along the path", 500, |n| {
+        format!("G200 F{} A0.03\nG1 X{}. Z-{}. F0.05\nG201\n", 35 + n % 4, 50 + n % 40, n % 20)
+    }),
+    on("turning", &["posts/lathe-a.toml"], LATHE_A, "M30\n", |n| {
+        format!("G0 X40. Z5.\nG165 P3 X40. Q1.2\nG92 X39.5 Z-{}. F1.5\nX39.2\nX39.\nG165 P0\n", 20 + n % 3)
+    })
+    .named("vibrating threads", 20),
+    on("turning", &["posts/lathe-a.toml"], LATHE_A, "M30\n", |n| {
+        let (first, last) = (2 * n + 10, 2 * n + 11);
+        format!(
+            "G0 X62. Z2.\nG71 U2. R0.5\nG71 P{first} Q{last} U0.5 W0.1 F0.3\nN{first} G0 X20.\nG1 Z-10.\nX40. Z-20.\nN{last} X62.\n\
+             G70 P{first} Q{last}\n"
+        )
+    })
+    .named("roughing cycles", 100),
+    on("turning", &["posts/lathe-a.toml"], LATHE_A, "M30\n", |n| {
+        format!("G0 X40. Z5.\nG76 P010060 Q100 R0.05\nG76 X38.16 Z-{}. P920 Q300 F1.5\n", 20 + n % 3)
+    })
+    .named("threading cycles", 50),
     lathe("constant surface speed", 2_000, |n| format!("G96 S200\nG1 X{}. F0.2\nG97 S800\n", 40 + n % 50)),
 ];
 
 const fn of(name: &'static str, head: &'static str, count: u64, body: fn(u64) -> String) -> Construct {
-    Construct { name, machine: "machines/mill", head, body, tail: "M30\n", count }
+    Construct { name, machine: "machines/mill", files: &[], tools: &[], head, body, tail: "M30\n", count }
 }
 
 const fn lathe(name: &'static str, count: u64, body: fn(u64) -> String) -> Construct {
-    Construct { name, machine: "machines/lathe", head: LATHE, body, tail: "M30\n", count }
+    Construct { machine: "machines/lathe", ..of(name, LATHE, count, body) }
+}
+
+/// On a machine of its own, which is made from `files`.
+const fn on(
+    machine: &'static str,
+    files: &'static [&'static str],
+    head: &'static str,
+    tail: &'static str,
+    body: fn(u64) -> String,
+) -> Construct {
+    Construct { machine, files, tail, ..of("", head, 0, body) }
 }
 
 impl Construct {
+    const fn named(self, name: &'static str, count: u64) -> Self {
+        Self { name, count, ..self }
+    }
+
+    /// Gives the service machine and tools; the name of the machine.
+    async fn set_up(&self, server: &Server) -> String {
+        for file in self.files {
+            let path = format!("{}/../../tests/fixtures/{file}", env!("CARGO_MANIFEST_DIR"));
+            let tools = file.ends_with("-tools.toml");
+            let mut command = Command::new(FEEDWAVE);
+            command.args([if tools { "tool" } else { "machine" }, "put", &path]);
+            command.args((!tools).then_some(self.machine)).args(["--server", &format!("http://{}", server.grpc)]);
+            let output = command.output().await.expect("the command runs");
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        }
+        if self.files.is_empty() { self.machine.to_owned() } else { format!("machines/{}", self.machine) }
+    }
+
     fn program(&self, times: u64) -> Bytes {
         let body: String = (1..=self.count * times).map(self.body).collect();
         Bytes::from(format!("{}{body}{}", self.head, self.tail))
@@ -97,12 +182,14 @@ async fn take(construct: &Construct, times: u64) -> Taken {
     let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     clients.submit("M30\n").await;
+    let machine = construct.set_up(&server).await;
     let program = upload(&mut clients, &construct.program(times)).await.expect("the upload is taken");
     let before = cpu_s(server.pid());
     let request = CreateJobRequest {
-        machine: construct.machine.to_owned(),
+        machine,
         source: Some(Source::Program(program)),
         interpolation_period_us: 20_000,
+        tools: construct.tools.iter().map(ToString::to_string).collect(),
         ..CreateJobRequest::default()
     };
     let job = clients.jobs.create_job(request).await.expect("the job is created").into_inner().job.expect("a job");

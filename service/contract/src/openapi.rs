@@ -28,8 +28,9 @@ pub fn document() -> Value {
         "info": {
             "title": "feedwave",
             "version": env!("CARGO_PKG_VERSION"),
-            "description": "The read-only HTTP port for dashboards, Prometheus and probes. Each path answers GET and HEAD. Bodies are \
-                messages of the contract in the protobuf JSON mapping: 64-bit integers are strings, and fields that have no presence \
+            "description": "The HTTP port for dashboards, Prometheus, probes and the page. Each of these paths is only read, by GET and \
+                HEAD; the methods that the page calls by gRPC-Web at the same port, which create jobs and programs, are those of the \
+                gRPC contract. Bodies are messages of the contract in the protobuf JSON mapping: 64-bit integers are strings, and fields that have no presence \
                 are always written.",
             "license": { "name": env!("CARGO_PKG_LICENSE") },
         },

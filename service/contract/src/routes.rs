@@ -1,4 +1,4 @@
-//! The routes of the read-only HTTP port: one table for the router of the service and for the page of reference.
+//! The routes of the HTTP port that are only read: one table for the router of the service and for the page of reference.
 
 /// What a route is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

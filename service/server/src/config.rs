@@ -50,7 +50,7 @@ pub const ENV_PREFIX: &str = "FEEDWAVE_";
 pub struct Config {
     /// The gRPC port.
     pub grpc: GrpcConfig,
-    /// The read-only HTTP port.
+    /// The HTTP port.
     pub http: HttpConfig,
     /// Pages of other origins.
     pub cors: CorsConfig,
@@ -98,7 +98,7 @@ impl Default for GrpcConfig {
     }
 }
 
-/// The read-only HTTP port.
+/// The HTTP port: for dashboards, Prometheus, probes and the page.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HttpConfig {

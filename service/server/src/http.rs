@@ -451,7 +451,7 @@ async fn unknown_path(request: Request) -> HttpError {
 }
 
 async fn wrong_method() -> Response {
-    let status = tonic::Status::unimplemented("this port is read-only: use GET or HEAD");
+    let status = tonic::Status::unimplemented("this path is only read: use GET or HEAD");
     let mut response = json_response(StatusCode::METHOD_NOT_ALLOWED, json::status_to_string(&status));
     response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET,HEAD"));
     response

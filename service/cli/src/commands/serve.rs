@@ -22,7 +22,7 @@ pub struct Args {
     /// Address and port of gRPC; port 0 takes a free one [key: grpc.listen]
     #[arg(long, value_name = "ADDRESS")]
     grpc_listen: Option<SocketAddr>,
-    /// Address and port of the read-only HTTP port [key: http.listen]
+    /// Address and port of HTTP: dashboards, Prometheus, probes and the page [key: http.listen]
     #[arg(long, value_name = "ADDRESS")]
     http_listen: Option<SocketAddr>,
     #[arg(long, value_name = "URI", help = format!("Where jobs, programs and reports are kept, such as {}; without it in \

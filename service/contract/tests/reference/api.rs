@@ -23,11 +23,11 @@ dashboards are messages of this page, and so are the requests whose fields are t
 const ROUTES_HEAD: &str = "
 ## HTTP
 
-The read-only port for dashboards, Prometheus and probes (`http.listen`, 8080 where nothing else is configured). Every route answers
-GET and HEAD. Parameters are the fields of a request by their names in JSON; an unknown one is refused. Errors are
+The port for dashboards, Prometheus, probes and the page (`http.listen`, 8080 where nothing else is configured). Every route of the table
+is only read, by GET and HEAD. Parameters are the fields of a request by their names in JSON; an unknown one is refused. Errors are
 `google.rpc.Status` in JSON with the fitting status code. Answers under `/v1` but the stream have an entity tag: with `If-None-Match` what has not
 changed is answered by 304. `/v1/openapi.json` says the same for machines. Besides, the port answers the methods that its
-[page](shop-floor.md#the-page) calls, by gRPC-Web.
+[page](shop-floor.md#the-page) calls, by gRPC-Web: with `CreateJob` and `UploadProgram` of a planner they create jobs and programs.
 
 | path | parameters | answer | |
 | --- | --- | --- | --- |
