@@ -62,6 +62,10 @@ async fn a_database_that_is_in_use_is_refused_with_who_uses_it() {
     std::fs::hard_link(&path, &other).unwrap();
     let error = open(&other).await.err().unwrap();
     assert!(matches!(&error, StoreError::InUseBy { holder } if holder.contains("hard link")), "{error:?}");
+    if cfg!(target_os = "linux") {
+        let process = format!("process {} on host ", std::process::id());
+        assert!(error.to_string().contains(&process), "{error}");
+    }
     // Nor does a lock file that was removed let anybody in.
     std::fs::remove_file(folder.path().join("feedwave.db.lock")).unwrap();
     let error = open(&path).await.err().unwrap();

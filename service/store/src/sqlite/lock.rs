@@ -72,10 +72,14 @@ impl FileLock {
         match database.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
+                let process = match flock_holder(&database) {
+                    Some(process) => format!("process {process} on host {}", host()),
+                    None => "another process".to_owned(),
+                };
                 return Err(StoreError::InUseBy {
-                    holder:
-                        "another process, whose lock file was removed, or which has it by another name (a hard link)"
-                            .to_owned(),
+                    holder: format!(
+                        "{process}, whose lock file was removed, or which has it by another name (a hard link)"
+                    ),
                 });
             }
             Err(TryLockError::Error(error)) => return Err(cannot(error)),
@@ -83,6 +87,21 @@ impl FileLock {
         self.database = Some(database);
         Ok(())
     }
+}
+
+/// The process that holds the lock of a file, where the system tells: Linux does, of processes that this one can see.
+fn flock_holder(file: &File) -> Option<u32> {
+    let metadata = rustix::fs::fstat(file).ok()?;
+    let (major, minor) = (rustix::fs::major(metadata.st_dev), rustix::fs::minor(metadata.st_dev));
+    let place = format!("{major:02x}:{minor:02x}:{}", metadata.st_ino);
+    let locks = std::fs::read_to_string("/proc/locks").ok()?;
+    locks.lines().find_map(|line| {
+        // `1: FLOCK  ADVISORY  WRITE 4711 fe:00:131072 0 EOF`
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        let is_it = fields.len() > 5 && fields[1] == "FLOCK" && fields[5] == place;
+        // One of another namespace has no number here.
+        is_it.then(|| fields[4].parse().ok()).flatten().filter(|&process| process > 0)
+    })
 }
 
 /// Name of this host, which is that of the container in one.
