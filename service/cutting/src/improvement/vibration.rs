@@ -244,6 +244,49 @@ fn with_own_limits(section: &SectionReport, config: &PipelineConfig) -> SectionR
     section
 }
 
+/// What is to be done for one block, of which the margin and the outcome are not known yet.
+#[derive(Clone, Copy, Debug)]
+struct Draft {
+    line: u32,
+    programmed: FoundVibration,
+    is_followed: bool,
+    corner: Option<(u32, f64)>,
+    utilisation: f64,
+    arriving: f64,
+}
+
+impl Draft {
+    fn with(self, margin: f64, outcome: Outcome) -> Section {
+        let Self { line, programmed, is_followed, corner, utilisation, arriving } = self;
+        Section { line, programmed, margin, is_followed, corner, utilisation, arriving, outcome }
+    }
+
+    fn not_possible(self, margin: f64, reason: impl Into<String>) -> Section {
+        self.with(margin, Outcome::NotPossible(reason.into()))
+    }
+
+    fn changed(self, margin: f64, changed: Changed) -> Section {
+        self.with(margin, Outcome::Changed(Box::new(changed)))
+    }
+
+    /// Other words of the block, at its spindle speed; none: it holds.
+    fn written(
+        self,
+        margin: f64,
+        search: &VibrationSearch,
+        found: FoundVibration,
+        words: Vec<(Word, String)>,
+    ) -> Section {
+        if words.is_empty() {
+            return self.with(margin, Outcome::Holds);
+        }
+        let after = self.arriving * judged::margin(search, found);
+        self.changed(margin, Changed { found, margin: after, words, speed_rev_per_min: None })
+    }
+}
+
+const NO_WORDS: &str = "its F and A are not both written as numbers in one block, so no word is changed";
+
 fn plan<S: Surroundings>(
     work: &mut Work<'_, S>,
     line: u32,
@@ -257,25 +300,14 @@ fn plan<S: Surroundings>(
     let goals = &work.goals.vibration;
     let (utilisation, arriving) = (judged::utilisation(sections), judged::arriving(sections, goals));
     let corner = sections.iter().find_map(|it| it.unbroken_between_blends());
-    let section =
-        |margin, outcome| Section { line, programmed, margin, is_followed, corner, utilisation, arriving, outcome };
-    let not_possible = |margin, reason: &str| section(margin, Outcome::NotPossible(reason.to_owned()));
-    if sections.iter().any(|section| section.condition != condition) {
-        return Ok(not_possible(0.0, "the block switches on different vibrations, as its words are computed"));
-    }
-    if judged::followed(sections) <= 0.0 {
-        return Ok(not_possible(0.0, "the drives erase the vibration: nothing of it arrives at the tool"));
-    }
-    if arriving <= 0.0 {
-        return Ok(not_possible(
-            0.0,
-            "its blends let nothing of the vibration through to the chip: it needs a longer section",
-        ));
+    let draft = Draft { line, programmed, is_followed, corner, utilisation, arriving };
+    if let Some(reason) = unjudged(sections, arriving) {
+        return Ok(draft.not_possible(0.0, reason));
     }
     let (config, least_amplitude) = (work.config, work.goals.least_amplitude);
     let search = match search(sections, arriving, config, goals) {
         Ok(search) => search,
-        Err(reason) => return Ok(not_possible(0.0, &unsearchable(reason, sections))),
+        Err(reason) => return Ok(draft.not_possible(0.0, unsearchable(reason, sections))),
     };
     let margin = arriving * margin(&search, programmed);
     let words = block.and_then(Words::of);
@@ -285,54 +317,37 @@ fn plan<S: Surroundings>(
     {
         // Whatever else would be changed, it would be at a speed that is not stable.
         return Ok(match speed::stable(work, &as_programmed, goal)? {
-            Ok(changed) => section(margin, Outcome::Changed(Box::new(changed))),
-            Err(reason) => not_possible(margin, &reason),
+            Ok(changed) => draft.changed(margin, changed),
+            Err(reason) => draft.not_possible(margin, reason),
         });
     }
     let suffices = is_followed && margin >= goals.margin * (1.0 - ROUNDING);
-    let no_words = "its F and A are not both written as numbers in one block, so no word is changed";
     let corners = SectionCorners::of(sections, &work.config.vibration());
     let at_corners = || match &corners {
         Ok(Some(corners)) => written_at_corners(&search, corners, &as_programmed, least_amplitude),
         _ => None,
     };
     if suffices && let Some((line, revolutions)) = corner {
-        if let Some((found, words)) = at_corners() {
-            let changed =
-                Changed { found, margin: arriving * judged::margin(&search, found), words, speed_rev_per_min: None };
-            return Ok(section(margin, Outcome::Changed(Box::new(changed))));
-        }
-        let why = match (&corners, &words) {
-            (Err(TooManyCorners), _) => "there are too many corners to look for a vibration that breaks it",
-            (_, None) => no_words,
-            _ => "no vibration within the limits breaks it there",
-        };
-        let reason =
-            format!("{}, and {why}: tangent arcs would let the vibration go on", whole_at_corners(line, revolutions));
-        return Ok(not_possible(margin, &reason));
+        return Ok(match at_corners() {
+            Some((found, words)) => draft.written(margin, &search, found, words),
+            None => draft.not_possible(margin, whole_at_corners(line, revolutions, &corners, words.is_some())),
+        });
     }
     if suffices && !least_amplitude {
-        return Ok(section(margin, Outcome::Holds));
+        return Ok(draft.with(margin, Outcome::Holds));
     }
     let Some(found) = search.solve() else {
-        let reason = "no vibration within the range of frequencies, nine tenths of the axes' acceleration and jerk (the rest is kept \
-                      for the feed) and the limits of the profile breaks every chip so surely: a smaller feed, a smaller margin \
-                      or tolerance, or another spindle speed would";
         if suffices {
-            return Ok(section(margin, Outcome::Holds));
+            return Ok(draft.with(margin, Outcome::Holds));
         }
         let changed = if words.is_some() { speed::another(work, &as_programmed)? } else { None };
-        let changed = changed.map(|it| section(margin, Outcome::Changed(Box::new(it))));
-        let passing = judged::reached(sections, goals);
-        let blended = format!(
-            "the blends let {} % of the amplitude through to the chip, and no vibration within the limits breaks it with that: a longer \
-             section, or fewer corners in it, would let the whole through",
-            decimal(100.0 * passing, 1)
-        );
-        let reason = if passing < 1.0 { blended.as_str() } else { reason };
-        return Ok(changed.unwrap_or_else(|| not_possible(margin, reason)));
+        let passing = judged::reached(sections, &work.goals.vibration);
+        return Ok(match changed {
+            Some(changed) => draft.changed(margin, changed),
+            None => draft.not_possible(margin, nothing_breaks(passing)),
+        });
     };
-    let Some(words) = &words else { return Ok(not_possible(margin, no_words)) };
+    let Some(words) = &words else { return Ok(draft.not_possible(margin, NO_WORDS)) };
     let plain = rounded(&search, found, programmed, words, least_amplitude);
     // A vibration that leaves the chip whole at corners is the best only where none breaks it there.
     let breaks = |it: &FoundVibration| !matches!(&corners, Ok(Some(corners)) if !corners.break_with(*it));
@@ -341,18 +356,56 @@ fn plan<S: Surroundings>(
         plain => at_corners().or(plain),
     };
     Ok(match written {
-        Some((_, changes)) if changes.is_empty() => section(margin, Outcome::Holds),
-        Some((found, changes)) => {
-            let after = arriving * judged::margin(&search, found);
-            let changed = Changed { found, margin: after, words: changes, speed_rev_per_min: None };
-            section(margin, Outcome::Changed(Box::new(changed)))
+        Some((found, changes)) => draft.written(margin, &search, found, changes),
+        None => {
+            draft.not_possible(margin, "what is enough cannot be written in the decimals of a word within the limits")
         }
-        None => not_possible(margin, "what is enough cannot be written in the decimals of a word within the limits"),
     })
 }
 
+/// Why nothing can be looked for in these sections, whatever the limits.
+fn unjudged(sections: &[&SectionReport], arriving: f64) -> Option<&'static str> {
+    if sections.iter().any(|section| section.condition != sections[0].condition) {
+        return Some("the block switches on different vibrations, as its words are computed");
+    }
+    if judged::followed(sections) <= 0.0 {
+        return Some("the drives erase the vibration: nothing of it arrives at the tool");
+    }
+    (arriving <= 0.0)
+        .then_some("its blends let nothing of the vibration through to the chip: it needs a longer section")
+}
+
+/// Why no vibration is enough, where blends let this share of the amplitude through to the chip.
+fn nothing_breaks(passing: f64) -> String {
+    if passing < 1.0 {
+        return format!(
+            "the blends let {} % of the amplitude through to the chip, and no vibration within the limits breaks it with that: a longer \
+             section, or fewer corners in it, would let the whole through",
+            decimal(100.0 * passing, 1)
+        );
+    }
+    "no vibration within the range of frequencies, nine tenths of the axes' acceleration and jerk (the rest is kept for the feed) and the \
+     limits of the profile breaks every chip so surely: a smaller feed, a smaller margin or tolerance, or another spindle speed would"
+        .to_owned()
+}
+
+/// Why the chip stays whole at corners.
+fn whole_at_corners(
+    line: u32,
+    revolutions: f64,
+    corners: &Result<Option<SectionCorners<'_>>, TooManyCorners>,
+    has_words: bool,
+) -> String {
+    let why = match corners {
+        Err(TooManyCorners) => "there are too many corners to look for a vibration that breaks it",
+        _ if !has_words => NO_WORDS,
+        _ => "no vibration within the limits breaks it there",
+    };
+    format!("{}, and {why}: tangent arcs would let the vibration go on", left_by_corners(line, revolutions))
+}
+
 /// What corners leave of the chip, as a clause.
-fn whole_at_corners(line: u32, revolutions: f64) -> String {
+fn left_by_corners(line: u32, revolutions: f64) -> String {
     format!(
         "where the vibration is blended out and in at corners, the chip stays whole for up to {} revolutions, first from line {line} on",
         decimal(round_up(revolutions, 2), 2)
@@ -428,7 +481,7 @@ fn step(section: &Section, before: &ValidationReport, state: &State, goals: &Imp
     } else if *margin < 1.0 {
         unbroken(before.sections.iter().filter(|it| it.on_line == *line), &goals.vibration)
     } else if let Some((line, revolutions)) = section.corner {
-        whole_at_corners(line, revolutions)
+        left_by_corners(line, revolutions)
     } else {
         format!("the chip breaks with a margin of {}", decimal(*margin, 4))
     };
