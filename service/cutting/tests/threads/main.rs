@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 use common::{Setpoints, run, validate};
 use feedwave_cutting::thread::{SpindleRotation, StartUp, ThreadFollower, ThreadPath, ThreadSectionReport};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, ValidationReport};
+use feedwave_program::Severity;
 
 const PROGRAM_A: &str = include_str!("../../../../tests/fixtures/thread-a.nc");
 const PROGRAM_B: &str = include_str!("../../../../tests/fixtures/thread-b.nc");
@@ -463,4 +464,19 @@ fn the_passes_of_one_block_are_one_finding_with_the_worst_of_them() {
     let keys: std::collections::BTreeSet<_> =
         report.findings.iter().map(|finding| (finding.code.name(), finding.span.line)).collect();
     assert_eq!(keys.len(), report.findings.len(), "{:#?}", codes(&report));
+}
+
+/// What is only assumed of the work refuses nothing.
+#[test]
+fn a_groove_that_is_too_wide_by_an_assumed_depth_is_a_warning() {
+    let passes = "G97 S300 M3\nG0 X14 Z100\nG92 X12 Z60 F1.25\nX10.8\nX9.6\nG0 X20\n";
+    let report = accepted(&format!("{passes}M30\n"), &lathe());
+    let found = report.findings.iter().find(|finding| finding.code.name() == "THREAD-PROFILE-WIDE");
+    let found = found.unwrap_or_else(|| panic!("{:?}", codes(&report)));
+    assert_eq!(found.severity, Severity::Warning);
+    assert!(found.message.contains("no word states the diameter"), "{}", found.message);
+    let stated = passes.replace("G92 X12", "G165 P3 X14 Q1.2\nG92 X12") + "G165 P0\nM30\n";
+    let report = validate(&stated, &lathe());
+    let found = report.findings.iter().find(|finding| finding.code.name() == "THREAD-PROFILE-WIDE");
+    assert_eq!(found.map(|finding| finding.severity), Some(Severity::Error), "{:?}", codes(&report));
 }

@@ -183,10 +183,12 @@ feedwave_program::finding_codes! {
         example: lathe("M3 S300\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5 Q360\nG0 X14\nM30"),
     }
 
-    "THREAD-PROFILE-WIDE" [THREAD_PROFILE_WIDE: Error] {
-        meaning: "the groove is wider than the pitch and takes the crests of its neighbours",
-        cause: "The thread is too deep for the angle of the tool and the pitch, often a diameter for a radius.",
-        cure: "Cut at most as deep as the finding names.",
+    "THREAD-PROFILE-WIDE" [THREAD_PROFILE_WIDE: Error, THREAD_PROFILE_WIDE_ASSUMED: Warning] {
+        meaning: "the groove is wider than the pitch and takes the crests of its neighbours: an error where the diameter of the work \
+              is stated, a warning where it is assumed",
+        cause: "The thread is too deep for the angle of the tool and the pitch, often a diameter for a radius. Without vibration no \
+              word states the diameter of the work: the first infeed is taken to be the largest of the later ones, and may be less.",
+        cure: "Cut at most as deep as the finding names; where the diameter is assumed, check it.",
         example: lathe("M3 S300\nG165 P3 X20 Q1.2\nG0 X24 Z100\nG0 X12\nG32 Z60 F2.5\nG0 X24\nG165 P0\nM30"),
     }
 

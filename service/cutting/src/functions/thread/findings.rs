@@ -19,11 +19,17 @@ const SAME_ANGLE_DEG: f64 = 0.01;
 const SAME_LENGTH_MM: f64 = 1e-9;
 
 /// All conditions of a thread whose quantities are possible.
-pub(super) fn thread(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, findings: &mut FindingLog) {
+pub(super) fn thread(
+    job: &ThreadJob,
+    limits: &ThreadLimits,
+    work_is_assumed: bool,
+    report: &ThreadReport,
+    findings: &mut FindingLog,
+) {
     let first = job.passes[0].span;
     lead(job, limits, report, first, findings);
     sampling(job, limits, report, first, findings);
-    profile(job, findings);
+    profile(job, work_is_assumed, findings);
     for (index, pass) in report.passes.iter().enumerate() {
         start::start(job, limits, index, pass, findings);
         if job.passes[index].vibrates() {
@@ -125,7 +131,7 @@ fn sampling(
 }
 
 /// A groove wider than the pitch takes the crest of its neighbours.
-fn profile(job: &ThreadJob, findings: &mut FindingLog) {
+fn profile(job: &ThreadJob, work_is_assumed: bool, findings: &mut FindingLog) {
     let pitch_mm = job.geometry.pitch_mm();
     let Some(deepest) = job.passes.iter().max_by(|a, b| a.depth_mm.total_cmp(&b.depth_mm)) else { return };
     let width_mm = job.profile.width_mm(deepest.depth_mm);
@@ -139,8 +145,19 @@ fn profile(job: &ThreadJob, findings: &mut FindingLog) {
         decimal(width_mm, 3),
         decimal(pitch_mm, 3)
     );
+    let (code, message) = if work_is_assumed {
+        (
+            code::THREAD_PROFILE_WIDE_ASSUMED,
+            format!(
+                "{message}, if the first pass is {} mm deep: no word states the diameter of the work",
+                decimal(job.passes[0].depth_mm.abs(), 3)
+            ),
+        )
+    } else {
+        (code::THREAD_PROFILE_WIDE, message)
+    };
     findings.push(
-        Finding::new(code::THREAD_PROFILE_WIDE, deepest.span, message)
+        Finding::new(code, deepest.span, message)
             .with_value("width", width_mm, "mm")
             .with_value("pitch", pitch_mm, "mm")
             .with_value("depth", deepest.depth_mm, "mm")

@@ -10,7 +10,7 @@ use super::pass::{PassPath, ThreadBlock, axis_limits};
 use super::state::{Mode, ThreadInputs};
 use super::{
     GrooveProfile, LeadAxis, MAX_THREAD_PASSES, PathVibration, SpindleRotation, ThreadDrives, ThreadGeometry,
-    ThreadJob, ThreadLimits, ThreadPass, ThreadSectionReport, ThreadSide, judge_thread,
+    ThreadJob, ThreadLimits, ThreadPass, ThreadSectionReport, ThreadSide, report,
 };
 use crate::shared::plane_frame::PlaneFrame;
 
@@ -251,7 +251,7 @@ impl OpenThread {
             finishing_thickness_mm: settings.max_finishing_thickness_mm,
             drives: drives(frame.as_deref(), lead_axis, inputs),
         };
-        let report = judge_thread(&job, &limits);
+        let report = report::judge(&job, &limits, mode.is_none());
         ThreadSectionReport {
             on_line: mode.map(|mode| mode.on_span.line),
             first_line,

@@ -165,6 +165,11 @@ pub struct ThreadReport {
 /// Bounded by [`MAX_THREAD_PASSES`].
 #[must_use]
 pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
+    judge(job, limits, false)
+}
+
+/// The same for a thread whose work diameter may be assumed.
+pub(super) fn judge(job: &ThreadJob, limits: &ThreadLimits, work_is_assumed: bool) -> ThreadReport {
     let mut findings = FindingLog::default();
     parameters(job, limits, &mut findings);
     let mut report = ThreadReport {
@@ -188,7 +193,7 @@ pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
         report.least_ratio = common_ratio(job, ChipLevel::Depth);
         report.least_section_ratio = common_ratio(job, ChipLevel::Section);
         report.following = ThreadFollowing::of(job, &limits.drives);
-        findings::thread(job, limits, &report, &mut findings);
+        findings::thread(job, limits, work_is_assumed, &report, &mut findings);
         following::findings(job, limits, &report, &mut findings);
     }
     report.feasible = !findings.has_errors();
