@@ -12,6 +12,15 @@ crate::finding_codes! {
         example: lathe("M3 S1000\nG0 X50 Z2\nG71 P10 Q20 U0.4 W0.1 F0.2\nN10 G0 X20\nN20 G1 Z-20"),
     }
 
+    "PRG-TURNING-IDLE" [TURNING_IDLE: Warning] {
+        meaning: "the code of a single turning or facing cycle without any word of it, which moves nothing",
+        cause: "On a lathe of G-code system A `G90` is the turning cycle and `G94` the facing cycle; programs of other controls write them for \
+              absolute coordinates and the feed per minute. Axis words in a block behind it would be cut as the cycle; without a motion \
+              code they are refused.",
+        cure: "Leave the code out.",
+        example: on("lathe, language.g_code_system = G_CODE_SYSTEM_A", "M3 S1000\nG21 G90 G40\nG0 X50 Z2"),
+    }
+
     "PRG-TURNING-VALUE" [TURNING_VALUE: Error] {
         meaning: "a word of a turning cycle that is out of range",
         cause: "A depth or a peck that is not positive, a number of passes below 1, a taper that leads beyond the start, or a decimal \

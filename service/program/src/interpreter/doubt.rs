@@ -107,14 +107,17 @@ impl Execution<'_> {
         let span = self.block.span();
         self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
             let name = format!("G{}", f64::from(tenths) / 10.0);
-            let message = format!(
-                "axis words without a motion code after the {name} of line {line}, which is a cycle in G-code system A"
-            );
-            Finding::new(code, span, message)
+            let system = self.settings.g_code_system;
+            let of = system.map_or("G-code system A", |_| "this G-code system");
+            let message =
+                format!("axis words without a motion code after the {name} of line {line}, which is a cycle in {of}");
+            let finding = Finding::new(code, span, message)
                 .with_value("line", f64::from(line), "")
-                .suggest("for a move, write its motion code, such as G0 or G1, in this block")
-                .suggest("for a cycle, write its passes with G0 and G1")
-                .suggest(SYSTEM_CURE)
+                .suggest("for a move, write its motion code, such as G0 or G1, in this block");
+            match system {
+                Some(_) => finding.suggest(format!("for the cycle, write {name} in this block")),
+                None => finding.suggest("for a cycle, write its passes with G0 and G1").suggest(SYSTEM_CURE),
+            }
         });
     }
 

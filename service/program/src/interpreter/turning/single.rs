@@ -7,7 +7,7 @@
 use super::super::execute::Execution;
 use super::SIGNED_MM;
 use crate::code;
-use crate::dialect::letter_bit;
+use crate::dialect::{Group, letter_bit};
 use crate::state::{Motion, SingleCycle};
 use crate::{Feed, Finding, MoveKind, PathControl};
 
@@ -17,9 +17,13 @@ impl Execution<'_> {
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         if before != Motion::SingleCycle(cycle) {
             self.state.turning.taper_mm = 0.0;
+            let tapers = letter_bit(b'R') | letter_bit(b'I') | letter_bit(b'K');
+            if (axes | self.block.letters & tapers) == 0 {
+                return self.idle_single_cycle();
+            }
             if self.turning_letters().into_iter().any(|letters| axes & letters == 0) {
                 self.state.motion = Motion::Unclear;
-                self.used |= axes | letter_bit(b'R') | letter_bit(b'I') | letter_bit(b'K');
+                self.used |= axes | tapers;
                 return self.turning_word_missing(
                     "end point in its first block",
                     "add X and Z, or U and W in G-code system A",
@@ -28,6 +32,27 @@ impl Execution<'_> {
         }
         self.state.motion = Motion::SingleCycle(cycle);
         self.single_cycle(cycle);
+    }
+
+    /// The code of a single cycle in a block that has nothing else of it, as posts of other controls write `G90`: it moves nothing, and
+    /// what axis words behind it would cut is not guessed.
+    fn idle_single_cycle(&mut self) {
+        let Some((_, span)) = self.code(Group::Motion) else { return };
+        let tenths = self.block.code(Group::Motion).map_or(0, |code| self.table.code(code.place).tenths);
+        self.state.motion = Motion::Doubtful { tenths, line: span.line };
+        self.findings.push_with(code::TURNING_IDLE, |code| {
+            let name = format!("G{}", tenths / 10);
+            let message = format!(
+                "{name} is a turning cycle in this G-code system and moves nothing without words of X and Z, which would cut in the blocks behind it"
+            );
+            let instead = match tenths {
+                900 => ": X and Z are absolute, U and W incremental",
+                940 => "; the feed per minute is G98",
+                200 => "; inches are G70",
+                _ => "",
+            };
+            Finding::new(code, span, message).suggest(format!("leave {name} out{instead}"))
+        });
     }
 
     /// A block while a single cycle is in force.

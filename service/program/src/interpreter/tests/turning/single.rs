@@ -2,6 +2,26 @@
 
 use super::*;
 
+#[test]
+fn the_code_alone_moves_nothing() {
+    let expected = "r 50 2\nf 50 -10";
+    for header in ["G21 G90 G40", "G94"] {
+        let found = path(&a(), &format!("{header}\nM3 S1000\nG0 X50. Z2.\nG1 Z-10. F0.1"));
+        assert_eq!(found.lines().take(2).collect::<Vec<_>>().join("\n"), expected);
+        assert!(
+            found.lines().skip(2).all(|line| line.starts_with("w 1:") && line.ends_with("PRG-TURNING-IDLE")),
+            "{found}"
+        );
+        assert_eq!(found.lines().count(), 3);
+    }
+    // What follows without a motion code may be meant as the cycle or as a move.
+    let program = "M3 S1000\nG0 X50. Z2. F0.1\nG90\nX45. Z-10.";
+    assert_eq!(codes(&a(), program), ["PRG-TURNING-IDLE", "PRG-CODE-AMBIGUOUS"]);
+    let (_, findings) = interpret(format!("{program}\nM30\n").as_bytes(), a());
+    let cures = &findings.findings()[1].suggestions;
+    assert!(cures.iter().all(|cure| !cure.message.contains("g_code_system")), "{cures:?}");
+}
+
 const GO: &str = "M3 S500\nG0 X60. Z5.\n";
 
 #[test]
