@@ -194,6 +194,9 @@ impl Execution<'_> {
         if self.state.coords.transform.is_some() && self.is_cycle_transformed(cycle, axis) {
             return;
         }
+        if axes == 0 && bolts.is_none() && self.state.drilling.bottom.is_none() && !self.is_linuxcnc() {
+            return self.keep_cycle_words(cycle, axis);
+        }
         self.drill_block(cycle, axis, axes, bolts);
     }
 

@@ -1,6 +1,8 @@
 //! The levels of a cycle along its axis: where it starts, the R level, the bottom.
 
-use super::super::execute::Execution;
+use std::borrow::Cow;
+
+use super::super::execute::{Execution, MM_PER_INCH};
 use crate::code;
 use crate::dialect::Letter;
 use crate::state::Cycle;
@@ -20,12 +22,28 @@ impl Execution<'_> {
     pub(super) fn levels(&mut self, cycle: Cycle, axis: Axis, along: u32) -> Option<Levels> {
         let index = axis.index();
         let start = self.start_level(index);
+        let is_said = self.block.word(b'R').is_some() || self.state.drilling.r_level.is_some();
+        let r = self.r_level(axis, along, start);
+        if r.is_none() {
+            let name = self.cycle_name();
+            self.cycle_word(&format!("{name} has no R level"), "add R with the level to which the tool goes rapidly");
+        }
+        let bottom = self.bottom(axis, along, r);
+        let (r, bottom) = (r?, bottom?);
+        if !is_said {
+            self.note_no_r(start);
+        }
+        self.check_levels(cycle, index, start, r, bottom)
+    }
+
+    /// The R level, from its word or a block before; where nothing has said it, the level of the start but in LinuxCNC.
+    pub(super) fn r_level(&mut self, axis: Axis, along: u32, start: f64) -> Option<f64> {
         let linuxcnc = self.is_linuxcnc();
         let absolute = self.state.absolute;
         let r_word = self.take(b'R').map(|word| self.scaled(&word, true));
-        let r_is_distance = self.has_lathe_cycles() && self.is_system_a() || !absolute;
+        let r_is_distance = self.is_r_a_distance();
         self.check_due_level(axis, along, r_is_distance && r_word.is_some());
-        let r = match r_word {
+        match r_word {
             Some(value) if linuxcnc => {
                 self.state.drilling.r_level = Some(value);
                 Some(if absolute { value } else { value + start })
@@ -36,15 +54,23 @@ impl Execution<'_> {
                 Some(r)
             }
             None if linuxcnc => self.state.drilling.r_level.map(|value| if absolute { value } else { value + start }),
-            None => self.state.drilling.r_level,
-        };
-        if r.is_none() {
-            let name = self.cycle_name();
-            self.cycle_word(&format!("{name} has no R level"), "add R with the level to which the tool goes rapidly");
+            None => Some(*self.state.drilling.r_level.get_or_insert(start)),
         }
-        let bottom = self.bottom(axis, along, r);
-        let (r, bottom) = (r?, bottom?);
-        self.check_levels(cycle, index, start, r, bottom)
+    }
+
+    fn note_no_r(&mut self, start: f64) {
+        let (span, name) = (self.cycle_span(), self.cycle_name());
+        self.findings.push_with(code::CYCLE_NO_R, |code| {
+            let message = format!("{name} has no R: the tool feeds from the level of its start, {start}");
+            Finding::new(code, span, message)
+                .with_value("level", start, "mm")
+                .suggest("add R with the level to which the tool goes rapidly")
+        });
+    }
+
+    /// Whether `R` counts from the level of the start.
+    fn is_r_a_distance(&self) -> bool {
+        self.has_lathe_cycles() && self.is_system_a() || !self.state.absolute
     }
 
     /// The bottom, from the word of the drilling axis or a block before.
@@ -89,20 +115,29 @@ impl Execution<'_> {
         }
         let span = self.cycle_span();
         let name = self.cycle_name();
+        let unit_mm = if self.state.inch { MM_PER_INCH } else { 1.0 };
+        let is_distance = self.is_r_a_distance() && self.has_lathe_cycles() && self.block.word(b'R').is_some();
         self.findings.push_with(code::CYCLE_LEVEL, |code| {
-            let (message, cure) = if wrong && back {
-                (format!("{name} cuts upwards, but its R level {r} is above its bottom {bottom}"), "check R and Z")
+            let (message, cure): (_, Cow<'_, str>) = if wrong && back {
+                (format!("{name} cuts upwards, but its R level {r} is above its bottom {bottom}"), "check R and Z".into())
             } else if wrong {
                 (
                     format!("the R level {r} of {name} is below the bottom {bottom} of the hole"),
-                    "check the signs of R and the bottom, and whether G91 makes them distances",
+                    "check the signs of R and the bottom, and whether G91 makes them distances".into(),
                 )
             } else {
                 (
                     format!(
                         "the tool is at {here}, below the R level {r} of {name}: the control would go to the hole there"
                     ),
-                    "move the tool above the R level before the cycle",
+                    // Written as a level, as mills and Haas lathes have it.
+                    if is_distance && up * (start - (r - start)) >= 0.0 {
+                        let distance = (r - start - start) / unit_mm;
+                        let distance = (distance * 1e4).round() / 1e4;
+                        format!("R counts from the level of the start here: where it is meant as a level, write R{distance:?}").into()
+                    } else {
+                        "move the tool above the R level before the cycle".into()
+                    },
                 )
             };
             Finding::new(code, span, message)

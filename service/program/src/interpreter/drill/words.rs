@@ -172,17 +172,8 @@ impl Execution<'_> {
             return Some((Pecks::None, None));
         }
         let lathe = self.has_lathe_cycles();
-        self.check_two_pecks(cycle, lathe)?;
-        self.peck_depth(lathe)?;
         let haas = !self.is_linuxcnc() && self.settings.drilling.style == DrillingStyle::Haas;
-        // I and J of G83 are Haas's whatever the style; K belongs to them there only.
-        let reducing = cycle == Cycle::Peck
-            && !self.is_linuxcnc()
-            && !lathe
-            && self.block.letters & !self.used & (letter_bit(b'I') | letter_bit(b'J')) != 0;
-        if reducing || haas && pecks {
-            self.reducing_pecks()?;
-        }
+        self.read_pecks(cycle)?;
         let [first, less, least] = self.state.drilling.ijk;
         match (self.state.drilling.q, first) {
             (_, Some(first)) if cycle == Cycle::Peck || haas && cycle == Cycle::ChipBreak => {
@@ -213,6 +204,41 @@ impl Execution<'_> {
                 self.cycle_word(&format!("{name} has no Q, the depth of its pecks"), "add Q");
                 None
             }
+        }
+    }
+
+    /// Keeps the words of a block that say how deep the pecks of a cycle are.
+    fn read_pecks(&mut self, cycle: Cycle) -> Option<()> {
+        let lathe = self.has_lathe_cycles();
+        self.check_two_pecks(cycle, lathe)?;
+        self.peck_depth(lathe)?;
+        let haas = !self.is_linuxcnc() && self.settings.drilling.style == DrillingStyle::Haas;
+        // I and J of G83 are Haas's whatever the style; K belongs to them there only.
+        let reducing = cycle == Cycle::Peck
+            && !self.is_linuxcnc()
+            && !lathe
+            && self.block.letters & !self.used & (letter_bit(b'I') | letter_bit(b'J')) != 0;
+        if reducing || haas && matches!(cycle, Cycle::Peck | Cycle::ChipBreak) {
+            self.reducing_pecks()?;
+        }
+        Some(())
+    }
+
+    /// A block with `R` but without a place and a bottom, which come in the blocks behind it: its words are kept.
+    pub(super) fn keep_cycle_words(&mut self, cycle: Cycle, axis: Axis) {
+        self.state.drilling.axis = Some(axis.index() as u8);
+        let start = self.start_level(axis.index());
+        self.r_level(axis, 0, start);
+        self.cycle_dwell(cycle, true);
+        match cycle {
+            Cycle::FineBore | Cycle::BackBore => {
+                let (first, second) = self.state.plane.axes();
+                self.read_boring_shift([first, second]);
+            }
+            Cycle::Peck | Cycle::ChipBreak | Cycle::Tap | Cycle::TapLeft => {
+                self.read_pecks(cycle);
+            }
+            _ => {}
         }
     }
 

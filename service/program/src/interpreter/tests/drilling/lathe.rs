@@ -77,3 +77,32 @@ fn a_haas_lathe_drills_as_a_mill() {
          rapid Z-5 -> Z5",
     );
 }
+
+#[test]
+fn the_bottom_may_come_in_a_later_block() {
+    let a = LanguageSettings { g_code_system: Some(crate::GCodeSystem::A), ..turning(Some(PeckReturn::RLevel)) };
+    let path = |program: &str| render(format!("G98 M3 S500\nG0 Z5.\n{program}\nM30\n"), &a);
+    let one = path("G83 Z-10. R-3. Q5000 F50\nG80");
+    assert!(!one.contains("PRG-CYCLE") && one.contains("line Z2 -> Z-3 @50/min"), "{one}");
+    for two in ["G83 R-3. Q5000 F50\nZ-10.\nG80", "G83 R-3. F50\nG83 Z-10. Q5000\nG80"] {
+        assert_eq!(path(two), one, "{two}");
+    }
+    // Without R from the level of the start.
+    let found = path("G83 Z-10. Q5000 F50\nG80");
+    assert!(found.contains("line Z5 -> 0 @50/min") && found.contains("i 3:1+19 PRG-CYCLE-NO-R"), "{found}");
+}
+
+#[test]
+fn r_that_is_meant_as_a_level_is_told_as_a_distance() {
+    let a = LanguageSettings { g_code_system: Some(crate::GCodeSystem::A), ..turning(Some(PeckReturn::RLevel)) };
+    let cure = |program: &str, settings: &LanguageSettings| {
+        let (_, findings) = interpret(format!("{program}\nM30\n").as_bytes(), settings.clone());
+        let found = findings.findings().iter().find(|it| it.code.name() == "PRG-CYCLE-LEVEL");
+        found.expect(program).suggestions[0].message.clone()
+    };
+    let said = "R counts from the level of the start here: where it is meant as a level, write R";
+    assert_eq!(cure("M3 S500\nG0 Z5.\nG83 Z-10. R2. Q5000 F.1", &a), format!("{said}-3.0"));
+    assert_eq!(cure("G20 M3 S500\nG0 Z.5\nG83 Z-1. R.1 Q500 F.01", &a), format!("{said}-0.4"));
+    // R7 is no level that the tool is above.
+    assert!(!cure("M3 S500\nG0 Z5.\nG83 Z-10. R7. Q5000 F.1", &a).contains("counts"));
+}
