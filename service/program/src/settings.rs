@@ -191,7 +191,7 @@ pub struct LanguageSettings {
     pub contour_tolerances_mm: [f64; 10],
     /// `X` and `U` of `G4` under feed per revolution are revolutions instead of seconds.
     pub dwell_in_revolutions: bool,
-    /// On a lathe without axes A and C these letters are the angle of a line and a chamfer, without a comma.
+    /// On a lathe without axes A and C these letters are the angle of a line and a chamfer, without a comma. R and C then need no sign.
     pub plain_drawing_words: bool,
     /// Inch (`G20`) at program start instead of mm.
     pub initial_inch: bool,

@@ -66,7 +66,17 @@ impl Execution<'_> {
             let size = self.scaled(&word, true);
             return self.corner(letter, &word, size, None, plane);
         }
-        if !self.table.dialect.plain_corners || axes.count_ones() != 1 {
+        if !self.table.dialect.plain_corners {
+            return None;
+        }
+        if self.settings.plain_drawing_words
+            && let Some((letter, word)) = self.plain_corner()
+        {
+            self.used |= letter_bit(letter);
+            let size = self.scaled(&word, true);
+            return self.corner(letter, &word, size, None, plane);
+        }
+        if axes.count_ones() != 1 {
             return None;
         }
         let along = set_bits(axes).find_map(|place| match self.table.dialect.letters[place] {
@@ -85,6 +95,13 @@ impl Execution<'_> {
         let word = self.take(letter)?;
         let size = self.scaled(&word, true);
         self.corner(letter, &word, size.abs(), Some((across, size > 0.0)), plane)
+    }
+
+    /// `C` or `R` of the drawing without a comma and without a sign, for any next move; with one it says where that goes.
+    fn plain_corner(&self) -> Option<(u8, Word)> {
+        let unused = |letter: u8| self.block.word(letter).copied().filter(|_| self.used & letter_bit(letter) == 0);
+        let mut words = [b'C', b'R'].into_iter().filter_map(|letter| Some((letter, unused(letter)?)));
+        words.next().filter(|(_, word)| word.number.value() >= 0.0)
     }
 
     fn corner(

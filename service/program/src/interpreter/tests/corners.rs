@@ -173,6 +173,21 @@ fn lathes_write_them_without_a_comma() {
 }
 
 #[test]
+fn words_of_the_drawing_need_neither_comma_nor_sign() {
+    let plain = LanguageSettings { plain_drawing_words: true, ..lathe() };
+    let path =
+        |settings: &LanguageSettings, blocks: &str| render(format!("G98 F100\nG0 X20 Z2\n{blocks}\nM30\n"), settings);
+    let with_commas = path(&lathe(), "G1 Z-20 ,R3\nX40 ,C2\nX60 Z-40 ,R1\nX70");
+    assert!(!with_commas.contains("PRG") && with_commas.contains("arc"), "{with_commas}");
+    assert_eq!(path(&plain, "G1 Z-20 R3\nX40 C2\nX60 Z-40 R1\nX70"), with_commas);
+    // Toward smaller X, and toward -Z, which a sign would have to say.
+    let inward = path(&lathe(), "G1 Z-20 ,R1\nX10 ,C2\nZ-30");
+    assert_eq!(path(&plain, "G1 Z-20 R1\nX10 C2\nZ-30"), inward);
+    assert_eq!(path(&plain, "G1 Z-20 R-1\nX10 C-2\nZ-30"), inward);
+    assert!(path(&plain, "G1 Z-20 R-1\nX40").contains("PRG-CORNER"));
+}
+
+#[test]
 fn an_angle_gives_the_missing_coordinate() {
     check(&mill(), "G1 X10 ,A45 F100", "line 0 -> X10 Y10 @100/min");
     check(&mill(), "G1 Y10 ,A30 F100", "line 0 -> X17.320508 Y10 @100/min");
