@@ -264,6 +264,8 @@ pub(crate) struct ThreadModes {
     pub(crate) taper_mm: f64,
     /// What the first line of a `G76` of two lines has set, which other cycles take over.
     pub(crate) cycle: Option<CycleModes>,
+    /// The first line of the last one was refused: that the second one lacks it need not be said.
+    pub(crate) cycle_refused: bool,
     /// A plane was tilted or cancelled since the vibration of threads was switched on: its work is stated in other coordinates.
     pub(crate) work_is_elsewhere: bool,
 }

@@ -3,7 +3,7 @@
 use super::execute::Execution;
 use super::motion::{Frame, set_bits};
 use crate::code;
-use crate::dialect::{FeedUnit, Letter};
+use crate::dialect::{FeedUnit, Flow, Letter, letter_bit};
 use crate::{Finding, MoveKind, SourceSpan};
 
 impl Execution<'_> {
@@ -11,6 +11,15 @@ impl Execution<'_> {
     pub(super) fn probing_move(&mut self) {
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         let span = self.block.span();
+        let is_fanuc = self.table.dialect.flow == Flow::MacroB;
+        if is_fanuc && self.block.word(b'R').is_some_and(|word| [0.0, 1.0].contains(&word.number.value())) {
+            // Whether the move accelerates (Mitsubishi).
+            self.used |= letter_bit(b'R');
+        }
+        if axes == 0 && is_fanuc && !self.block.unclear {
+            // The feed of a later one.
+            return;
+        }
         if axes == 0 {
             return self.probe_error(span, "a probing move names no axis");
         }

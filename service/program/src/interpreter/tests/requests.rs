@@ -89,6 +89,8 @@ fn a_probing_move_is_its_full_travel() {
     for program in ["G38.2 X0 F100", "G38.2 A5 F100", "G93 G38.2 X5 F100", "G38.2"] {
         check(&linuxcnc(), program, &format!("! 1:1+{} PRG-PROBE", program.len()));
     }
-    check(&mill(), "G31 F10", "! 1:1+7 PRG-PROBE");
+    // The feed of a later one moves nothing, and R is whether the move accelerates.
+    check(&mill(), "G31 F10\nG31 Z-5 R1.", "line 0 -> Z-5 @10/min\nw 2:1+11 PRG-PROBE");
+    check(&mill(), "G31 Z-5 R2. F10", "w 1:1+15 PRG-PROBE\n! 1:9+3 PRG-WORD-UNUSED");
     check(&linuxcnc(), "G38.2 X5", "! 1:1+8 PRG-FEED-MISSING");
 }

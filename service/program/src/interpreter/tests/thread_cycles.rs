@@ -464,3 +464,14 @@ fn the_taper_of_a_threading_cycle_may_be_written_i() {
     assert_eq!(older, newer);
     assert!(older.contains("thread"), "{older}");
 }
+
+#[test]
+fn a_bad_first_line_is_one_finding() {
+    for (first, expected) in [
+        ("G76 P010045 Q100 R0.05", "! 3:5+7 PRG-THREAD-CYCLE-VALUE"),
+        ("G76 P0.5 Q100 R0.05", "! 3:5+4 PRG-NUMBER-NOT-WHOLE"),
+        ("G76 P010060 Q-100 R0.05", "! 3:13+5 PRG-THREAD-CYCLE-VALUE"),
+    ] {
+        refused(&format!("{first}\nG76 X17.4 Z-30. P1299 Q400 F2."), expected);
+    }
+}

@@ -191,18 +191,22 @@ impl Execution<'_> {
 
     /// `G76 P(m)(r)(a) Q R`
     fn cycle_modes(&mut self) {
+        let modes = self.read_cycle_modes();
+        self.state.thread.cycle_refused = modes.is_none();
+        self.state.thread.cycle = modes.or(self.state.thread.cycle);
+    }
+
+    /// Its words on top of those before; `None` after a finding.
+    fn read_cycle_modes(&mut self) -> Option<CycleModes> {
         let before = self.state.thread.cycle;
         let mut modes = before.unwrap_or_default();
-        let word = self.take(b'P');
+        let [word, least, allowance] = [b'P', b'Q', b'R'].map(|letter| self.take(letter));
         if word.is_none() && before.is_none() {
-            self.take(b'Q');
-            self.take(b'R');
-            return self.cycle_word_missing("the first line of the threading cycle needs P: passes, chamfer, angle");
+            self.cycle_word_missing("the first line of the threading cycle needs P: passes, chamfer, angle");
+            return None;
         }
         if let Some(word) = word {
-            let Some(digits) = self.whole(&word) else {
-                return;
-            };
+            let digits = self.whole(&word)?;
             let angle_deg = digits % 100;
             modes.finishing_passes = digits / 10_000;
             modes.chamfer_tenths = digits / 100 % 100;
@@ -219,20 +223,16 @@ impl Execution<'_> {
                         .with_value("tool_angle", f64::from(angle_deg), "deg")
                         .suggest("write passes, chamfer in tenths of a lead and angle with two digits each: P021060")
                 });
-                return;
+                return None;
             }
         }
-        if let Some(word) = self.take(b'Q') {
-            let Some(least_mm) = self.checked(&word, self.thousandths(&word), "least_infeed", AMOUNTS_MM) else {
-                return;
-            };
-            modes.least_infeed_mm = least_mm;
+        if let Some(word) = least {
+            modes.least_infeed_mm = self.checked(&word, self.thousandths(&word), "least_infeed", AMOUNTS_MM)?;
         }
-        match self.optional_length(b'R', "finishing_allowance", AMOUNTS_MM) {
-            None => return,
-            Some(allowance_mm) => modes.allowance_mm = allowance_mm.unwrap_or(modes.allowance_mm),
+        if let Some(word) = allowance {
+            modes.allowance_mm = self.checked(&word, self.scaled(&word, true), "finishing_allowance", AMOUNTS_MM)?;
         }
-        self.state.thread.cycle = Some(modes);
+        Some(modes)
     }
 
     /// `G76 X Z R P Q F`
@@ -244,7 +244,7 @@ impl Execution<'_> {
         let lead_mm = self.lead();
         let turns = self.spindle_cuts_threads();
         let modes = self.state.thread.cycle;
-        if modes.is_none() {
+        if modes.is_none() && !self.state.thread.cycle_refused {
             self.cycle_word_missing(
                 "the first line of the threading cycle is missing: G76 P(passes)(chamfer)(angle) Q R",
             );
