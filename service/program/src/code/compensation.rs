@@ -48,6 +48,14 @@ crate::finding_codes! {
         example: linuxcnc("G0 X0 Y0\nG41.1 D6 G1 X20 Y0 F100\nY20\nG28 Z0\nG40 G0 X0 Y40\nM2"),
     }
 
+    "PRG-COMP-RETURN" [COMP_RETURN: Info] {
+        meaning: "a subprogram that returns with radius compensation on, on a FANUC or Haas control",
+        cause: "`M99` comes before `G40`: the contour goes on with the blocks behind the call. FANUC and Haas controls do so; some others \
+              stop there.",
+        cure: "Nothing has to be done where the control goes on; otherwise leave the contour with G40 and a straight move before M99.",
+        example: mill("G0 X0 Y0\nG41 D0 G1 X20 Y0 F100\nM98 P1\nG40 G0 X0 Y40\nM30\nO1\nY20\nM99"),
+    }
+
     "PRG-COMP-UNFINISHED" [COMP_UNFINISHED: Error] {
         meaning: "the end of the program with radius compensation on",
         cause: "A `G40` is missing behind the last contour.",

@@ -1,5 +1,7 @@
 //! Compensation of tool radius and nose as it is programmed: `G40`, `G41`, `G42`, in LinuxCNC `G41.1` and `G42.1` as well.
 
+use std::borrow::Cow;
+
 use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
@@ -186,11 +188,22 @@ impl Execution<'_> {
         };
         let span = word.map_or(span, |word| self.block.word_span(&word));
         let Some(number) = number else {
-            let (message, cure) = match self.settings.dialect {
+            let (message, cure): (_, Cow<'_, str>) = match self.settings.dialect {
                 DialectName::Lathe => {
-                    ("no T word has named a tool offset", "call the tool with its offset, such as T0101")
+                    ("no T word has named a tool offset", "call the tool with its offset, such as T0101".into())
                 }
-                _ => ("the number D of the tool offset is missing", "add D with the number of the offset, such as D1"),
+                _ => {
+                    let message = "no D has named a tool offset: a control takes the number that the program before has left, or \
+                                   D0, which compensates nothing";
+                    let cure = match self.state.tool {
+                        0 => "add D with the number of the offset, such as D1".into(),
+                        tool => {
+                            format!("add D with the number of the offset, such as D{tool} of the tool in the spindle")
+                                .into()
+                        }
+                    };
+                    (message, cure)
+                }
             };
             self.findings.push_with(code::COMP_NUMBER, |code| Finding::new(code, span, message).suggest(cure));
             return None;
@@ -258,12 +271,32 @@ impl Execution<'_> {
                 self.compensation_refused(span, &what, on_line.unwrap_or(span.line));
             }
         }
+        if let Some(on) = self.state.compensation.on.filter(|_| !is_linuxcnc) {
+            self.note_compensated_return(on);
+        }
         for word in self.block.machine_codes().iter().filter(|_| is_linuxcnc && was_on) {
             let number = word.rule.number;
             if matches!(number, 48..=53 | 62..=68 | 72) {
                 self.compensation_refused(word.span, &format!("M{number}"), on_line.unwrap_or(word.span.line));
             }
         }
+    }
+
+    /// `M99` of a subprogram on a contour, which goes on in the caller.
+    fn note_compensated_return(&mut self, on: CompensationOn) {
+        let Some((Meaning::Return, span)) = self.code(Group::Subprogram) else { return };
+        if self.state.flow.calls.is_empty() {
+            return;
+        }
+        self.findings.push_with(code::COMP_RETURN, |code| {
+            let message = format!(
+                "M99 with the radius compensation on, since line {}: the contour goes on in the caller",
+                on.line
+            );
+            Finding::new(code, span, message)
+                .with_value("on_line", f64::from(on.line), "")
+                .suggest("write G40 and a straight move before M99 where the control stops here")
+        });
     }
 
     /// Reports a lathe's `T` on a contour, before it changes the tool. On the way from it the offset may go out of force, as towards where
@@ -358,7 +391,7 @@ impl Execution<'_> {
 }
 
 /// The groups that hold what a compensated contour does not permit.
-const CHECKED: [Group; 10] = [
+const CHECKED: [Group; 9] = [
     Group::Plane,
     Group::ToolChange,
     Group::Overrides,
@@ -368,5 +401,4 @@ const CHECKED: [Group; 10] = [
     Group::CycleReturn,
     Group::NonModal,
     Group::Motion,
-    Group::Subprogram,
 ];

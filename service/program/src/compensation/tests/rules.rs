@@ -446,14 +446,37 @@ fn rapids_are_no_walls() {
 }
 
 #[test]
-fn contour_control_is_permitted_on_a_contour_and_a_return_is_not() {
+fn contour_control_is_permitted_on_a_contour_and_the_end_of_the_program_is_not() {
     let on = |block: &str| found(&format!("G0 X0 Y-20\nG41 D1 G1 X0 Y0 F300\nY40.\n{block}\nX60.\nG40 G1 X80."));
     for block in ["G5.1 Q1", "G5 P10000", "G8 P1", "G187 P2", "G103 P1"] {
         assert!(on(block).iter().all(|(_, severity)| *severity == Severity::Info), "{block}: {:?}", on(block));
     }
-    assert!(on("M99").contains(&("PRG-COMP-BLOCK", Severity::Error)), "{:?}", on("M99"));
-    let within = "G0 X0 Y-20\nM98 P1000\nG40 G1 X80.\nM30\nO1000\nG41 D1 G1 X0 Y0 F300\nY40.\nX60.\nM99";
-    assert!(found(within).contains(&("PRG-COMP-BLOCK", Severity::Error)), "{:?}", found(within));
+    assert!(on("M99").contains(&("PRG-COMP-UNFINISHED", Severity::Error)), "{:?}", on("M99"));
     let whole = "G0 X0 Y-20\nM98 P1000\nM30\nO1000\nG41 D1 G1 X0 Y0 F300\nY40.\nX60.\nG40 X80.\nM99";
     assert!(found(whole).iter().all(|(_, severity)| *severity == Severity::Info), "{:?}", found(whole));
+}
+
+#[test]
+fn a_subprogram_returns_on_a_contour_which_goes_on_in_its_caller() {
+    let tool = crate::ToolOffset { radius_mm: Some(4.0), ..crate::ToolOffset::new(1) };
+    let read = |program: &str| {
+        let program = format!("G21 G17 G90 G94\n{program}\n");
+        Interpreter::new(LanguageSettings::mill()).with_tools(vec![tool]).read_all(program.as_bytes())
+    };
+    let path = |program: &str| {
+        let (operations, findings) = read(program);
+        assert!(!findings.has_errors(), "{program}: {findings:?}");
+        let ends = operations.iter().filter_map(|operation| match &operation.kind {
+            OperationKind::Move(step) => Some(step.end),
+            _ => None,
+        });
+        (ends.collect::<Vec<_>>(), findings.findings().iter().any(|it| it.code.name() == "PRG-COMP-RETURN"))
+    };
+    let (expected, _) = path("G0 X0 Y-20\nG41 D1 G1 X0 Y0 F300\nY40.\nX60.\nG40 G1 X80.\nM30");
+    for program in [
+        "G0 X0 Y-20\nG41 D1 G1 X0 Y0 F300\nM98 P1000\nG40 G1 X80.\nM30\nO1000\nY40.\nX60.\nM99",
+        "G0 X0 Y-20\nM98 P1000\nG40 G1 X80.\nM30\nO1000\nG41 D1 G1 X0 Y0 F300\nY40.\nX60.\nM99",
+    ] {
+        assert_eq!(path(program), (expected.clone(), true), "{program}");
+    }
 }
