@@ -27,6 +27,8 @@ pub enum CompensationCommand {
     Off,
     /// `G41`, `G42`
     On(CompensationMode),
+    /// A cycle begins that is not compensated: the last block ends as programmed, and nothing is compensated until it is on again.
+    Suspend,
     /// Behind `G40`: the next move names the present programmed point in the plane, so that it goes there.
     Exit,
 }
@@ -166,10 +168,15 @@ impl Compensator {
                 self.contour = Some(Box::new(Contour::new(mode, span, contour.displacement())));
             }
             // Switching on what is on is judged where it is read.
-            (CompensationCommand::On(_), _) | (CompensationCommand::Off | CompensationCommand::Exit, None) => {}
+            (CompensationCommand::On(_), _) | (_, None) => {}
             (CompensationCommand::Exit, Some(contour)) => contour.name_exit(),
             (CompensationCommand::Off, Some(contour)) => {
                 if contour.leave(span, &mut Sink { out, findings }) {
+                    self.contour = None;
+                }
+            }
+            (CompensationCommand::Suspend, Some(contour)) => {
+                if contour.suspend(span, &mut Sink { out, findings }) {
                     self.contour = None;
                 }
             }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::drilling::DrillingCycle;
 pub(crate) use self::drilling::{BoltPattern, Cycle, Drilling};
-pub(crate) use self::turning::{Pockets, SingleCycle, TurningCycle, TurningModes};
+pub(crate) use self::turning::{Pockets, Roughed, SingleCycle, TurningCycle, TurningModes};
 
 use crate::coordinates::Coordinates;
 use crate::dialect::FeedUnit;
@@ -15,8 +15,9 @@ use crate::evidence::Evidence;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
 use crate::parameters::Parameters;
 use crate::{
-    AxisSet, Compensator, Coolant, Feed, FeedMode, Finding, Function, InitialMotion, LanguageSettings, PathControl,
-    Place, Plane, Position, SourceSpan, Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
+    AxisSet, CompensationMode, Compensator, Coolant, Feed, FeedMode, Finding, Function, InitialMotion,
+    LanguageSettings, PathControl, Place, Plane, Position, SourceSpan, Spindle, SpindleDirection, SpindleSpeed,
+    TiltedPlane,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -188,8 +189,7 @@ pub(crate) struct RadiusCompensation {
 pub(crate) struct CompensationOn {
     /// Line that switched it on.
     pub(crate) line: u32,
-    pub(crate) left: bool,
-    pub(crate) radius_mm: f64,
+    pub(crate) mode: CompensationMode,
 }
 
 /// Tool centre point control, and tilted planes.

@@ -94,9 +94,10 @@ crate::finding_codes! {
     }
 
     "PRG-TURNING-COMPENSATION" [TURNING_COMPENSATION: Info] {
-        meaning: "a roughing cycle that ignores the compensation of the nose in its contour",
-        cause: "`G41` or `G42` is in the contour: it acts in the finishing cycle. The passes of the roughing cycle are not compensated, as \
-              on FANUC controls.",
+        meaning: "a roughing cycle that ignores the compensation of the nose",
+        cause: "`G41` or `G42` is in the contour, or on before the cycle: it acts in the finishing cycle. The passes of the roughing cycle \
+              are not compensated, as on FANUC controls; newer series offset their contour as well, which leaves more or less on cones \
+              and arcs only.",
         cure: "Choose the allowances such that the nose leaves enough on cones and arcs.",
         example: words("G42 in the first block of a contour that G71 roughs"),
     }

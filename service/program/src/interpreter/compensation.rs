@@ -122,7 +122,7 @@ impl Execution<'_> {
         let reference_mm = if plane == Plane::Zx { [z * radius_mm, x * radius_mm] } else { [0.0; 2] };
         if let Some(on) = self.state.compensation.on {
             // FANUC posts repeat the code.
-            let is_same = on.left == left && on.radius_mm == radius_mm && !is_linuxcnc;
+            let is_same = on.mode.left == left && on.mode.radius_mm == radius_mm && !is_linuxcnc;
             if !is_same {
                 self.compensation_nested(on, span);
             }
@@ -138,8 +138,8 @@ impl Execution<'_> {
             _ if is_linuxcnc => CompensationRules::LinuxCnc,
             settings => CompensationRules::Fanuc { entry: settings.entry, corner: settings.corner },
         };
-        self.state.compensation.on = Some(CompensationOn { line: span.line, left, radius_mm });
         let mode = CompensationMode { left, plane, radius_mm, reference_mm, rules };
+        self.state.compensation.on = Some(CompensationOn { line: span.line, mode });
         self.emit(span, OperationKind::Compensation(CompensationCommand::On(mode)));
     }
 
@@ -339,8 +339,9 @@ impl Execution<'_> {
             {
                 false
             }
-            (Group::Subprogram, meaning) => meaning == Meaning::Return && !is_linuxcnc,
-            (Group::Motion, Meaning::Turning(cycle)) => cycle != TurningCycle::Finish,
+            (Group::Motion, Meaning::Turning(cycle)) => {
+                is_linuxcnc && cycle != TurningCycle::Finish || !cycle.has_contour()
+            }
             (Group::Motion, meaning) => !matches!(meaning, Meaning::Rapid | Meaning::Linear | Meaning::Arc { .. }),
             _ => false,
         }

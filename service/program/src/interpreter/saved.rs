@@ -59,6 +59,13 @@ impl SavedModes {
     }
 }
 
+impl SavedModes {
+    /// The same without what they say of the compensation of the radius.
+    pub(crate) fn without_compensation(self) -> Self {
+        Self { compensation: None, ..self }
+    }
+}
+
 impl Execution<'_> {
     /// Puts saved modes in force again; the spindle and the coolant follow where they differ.
     pub(super) fn restore(&mut self, saved: &SavedModes, span: SourceSpan) {

@@ -23,6 +23,13 @@ pub(crate) enum TurningCycle {
     SingleFace,
 }
 
+impl TurningCycle {
+    /// Whether it follows a contour, which is programmed elsewhere than in its block.
+    pub(crate) const fn has_contour(self) -> bool {
+        matches!(self, Self::Finish | Self::Turn(_) | Self::Face(_) | Self::Pattern)
+    }
+}
+
 /// Which pockets LinuxCNC cuts; all on other controls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Pockets {
@@ -41,6 +48,17 @@ pub(crate) enum SingleCycle {
     Turn,
     /// `G94` of system A.
     Face,
+}
+
+/// On which side of a contour the stock is, across the passes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Roughed {
+    /// Numbers of the first and the last block of the contour.
+    pub(crate) blocks: [u32; 2],
+    /// The passes went along X.
+    pub(crate) facing: bool,
+    /// 1 or −1, along the axis across the passes.
+    pub(crate) outward: f64,
 }
 
 /// Modal words of turning cycles, mm, on the radius where they are along X.
@@ -62,6 +80,8 @@ pub(crate) struct TurningModes {
     pub(crate) groove_return_mm: Option<f64>,
     /// Settings whose default has been reported: escape, return, chamfer of threads.
     pub(crate) default_reported: [bool; 3],
+    /// What the last roughing cycle says of the side of its contour on which the stock is.
+    pub(crate) roughed: Option<Roughed>,
     /// That the plane in force has no turning cycles has been reported.
     pub(crate) plane_reported: bool,
 }

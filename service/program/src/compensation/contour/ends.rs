@@ -74,6 +74,23 @@ impl Contour {
         self.pending.is_none() && self.displacement == [0.0; 2]
     }
 
+    /// A cycle begins that is not compensated: whether the tool is on the programmed path. A straight block that waits goes there.
+    pub(in super::super) fn suspend(&mut self, span: SourceSpan, sink: &mut Sink) -> bool {
+        if self.is_leaving() || self.pending.as_ref().is_none_or(|pending| pending.block.curve.circle.is_some()) {
+            return self.leave(span, sink);
+        }
+        let Some(Pending { block: Block { span, mut step, curve }, .. }) = self.pending.take() else { return true };
+        let path = Curve::line(minus(self.at, self.mode.reference_mm), curve.to);
+        report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line), sink.findings);
+        self.place(&mut step.start, self.at);
+        self.at = curve.to;
+        if !step.is_nothing() {
+            sink.push(span, step);
+        }
+        self.hand_on_waiting(sink);
+        true
+    }
+
     /// The next move names its end in the plane.
     pub(in super::super) fn name_exit(&mut self) {
         if self.phase == Phase::Leaving {

@@ -91,7 +91,7 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
         6 => choose(state.inch, 20.0, 21.0),
         7 => Some(match state.compensation.on {
             None => 40.0,
-            Some(on) if on.left => 41.0,
+            Some(on) if on.mode.left => 41.0,
             Some(_) => 42.0,
         }),
         8 if !is_lathe => match (state.length.is_on, state.length.negative) {

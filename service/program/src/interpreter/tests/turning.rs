@@ -1,5 +1,6 @@
 //! Turning cycles against end points worked by hand from docs/turning-cycles.md, and those of LinuxCNC against its interpreter.
 
+mod compensated;
 mod contours;
 mod grooves;
 mod linuxcnc;

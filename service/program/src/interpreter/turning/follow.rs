@@ -2,6 +2,7 @@
 //! program goes on.
 
 mod blocks;
+mod compensated;
 mod corners;
 mod cut;
 
@@ -55,6 +56,10 @@ pub(crate) struct ContourRun {
     is_broken: bool,
     /// Its nose compensation has been reported.
     is_compensated: bool,
+    /// The side of the contour on which the compensated tool is: left of it (`G41`) or right.
+    left: Option<bool>,
+    /// What a roughing cycle along the same contour has said of its side: the passes went along X, and which way is out.
+    roughed: Option<(bool, f64)>,
     /// Moves handed on.
     done: u32,
 }
@@ -105,6 +110,8 @@ impl ContourRun {
             is_cut: false,
             is_broken,
             is_compensated: false,
+            left: None,
+            roughed: None,
             done: 0,
         }
     }
@@ -120,7 +127,14 @@ impl ContourRun {
     }
 
     fn contour(&self) -> Contour<'_> {
-        Contour { pieces: &self.pieces, named: self.named, start: self.request.start, tool: self.request.tool }
+        Contour {
+            pieces: &self.pieces,
+            named: self.named,
+            start: self.request.start,
+            tool: self.request.tool,
+            left: self.left,
+            roughed: self.roughed,
+        }
     }
 }
 
@@ -214,7 +228,8 @@ impl Interpreter {
     /// The next block is the first of the contour.
     fn read_contour(&mut self) {
         let modes = Modes {
-            saved: SavedModes::of(&self.state),
+            // A contour that is only read changes nothing of the compensation.
+            saved: SavedModes::of(&self.state).without_compensation(),
             position: self.state.position,
             motion: self.state.motion,
             lead_mm: self.state.thread.lead_mm,
@@ -352,6 +367,9 @@ impl Interpreter {
         }
         let has_errors = findings.has_errors_since(&mark);
         let Some(mut run) = self.state.flow.contour.take() else { return };
+        if finishes {
+            self.leave_contour(&run, operations);
+        }
         run.is_broken |= has_errors;
         if run.is_cut {
             findings.push_with(code::TURNING_LIMIT, |code| {
@@ -373,7 +391,10 @@ impl Interpreter {
         match passes::plan(&run.request, run.contour()) {
             Ok(plan) => {
                 note(&run, plan.has_pockets, plan.cuts_in, findings);
-                if !plan.steps.is_empty() {
+                self.note_side(&run, plan.outward);
+                if plan.steps.is_empty() {
+                    self.resume_compensation(&run, operations);
+                } else {
                     self.steps = Some(plan.steps.into());
                     run.stage = Stage::Cutting;
                     self.state.flow.contour = Some(run);

@@ -64,6 +64,8 @@ pub(super) struct Plan {
     pub(super) has_pockets: bool,
     /// An allowance points into the finished part.
     pub(super) cuts_in: bool,
+    /// Of a roughing cycle: the passes go along X, and which way the stock is, across them.
+    pub(super) outward: Option<(bool, f64)>,
 }
 
 /// Moves in a frame, one behind the other.
@@ -141,6 +143,10 @@ pub(super) struct Contour<'a> {
     pub(super) start: Point,
     /// Z and X of the tool.
     pub(super) tool: Point,
+    /// The compensated tool is left of it, or right.
+    pub(super) left: Option<bool>,
+    /// The passes of a roughing cycle along it went along X, and which way its stock is, across them.
+    pub(super) roughed: Option<(bool, f64)>,
 }
 
 /// The moves of a job.
@@ -157,6 +163,7 @@ pub(super) fn plan(request: &Request, contour: Contour<'_>) -> Result<Plan, Refu
         let refusal = Refusal::new(code::TURNING_CONTOUR, message, "begin the contour with G0 or G1");
         return Err(refusal.at(approach.span));
     }
+    let pieces = if request.may_depart { without_departure(contour, approach, pieces) } else { pieces };
     match request.job {
         Job::Finish => finish_return(contour, approach, pieces),
         Job::Rough { facing, depth_mm, escape_mm, allowance } => {
@@ -165,6 +172,22 @@ pub(super) fn plan(request: &Request, contour: Contour<'_>) -> Result<Plan, Refu
         Job::Pattern { relief, passes, allowance } => pattern(contour, approach, pieces, relief, passes, allowance),
         Job::Steps { .. } | Job::Offsets { .. } => linuxcnc::plan(&request.job, contour),
     }
+}
+
+/// A contour without the rapid moves at its end that go back along the passes, outside all of it.
+fn without_departure<'a>(contour: Contour<'_>, approach: &Piece, pieces: &'a [Piece]) -> &'a [Piece] {
+    let cut = pieces.iter().rposition(|piece| !piece.is_rapid).map_or(0, |last| last + 1);
+    if cut == 0 || cut == pieces.len() {
+        return pieces;
+    }
+    let frame = followed(contour, approach, &pieces[..cut]);
+    let curves: Vec<_> = pieces.iter().map(|piece| frame.curve(&piece.curve)).collect();
+    let goes_back = |curve: &Curve| curve.to[0] < curve.from[0];
+    let Some(back) = (cut..curves.len()).find(|place| goes_back(&curves[*place])) else { return pieces };
+    let levels = |part: Part| [part.curve.from[1], part.curve.to[1]];
+    let top = parts(&curves[..back]).into_iter().flat_map(levels).fold(f64::NEG_INFINITY, f64::max);
+    let is_outside = |curve: &Curve| curve.from[1].min(curve.to[1]) >= top - TURNS_BACK_MM;
+    if curves[back..].iter().all(is_outside) { &pieces[..back] } else { pieces }
 }
 
 /// Which way is away from the part across a contour: from its start to that of the cycle.
@@ -180,14 +203,29 @@ fn followed(contour: Contour<'_>, approach: &Piece, pieces: &[Piece]) -> Frame {
     let end = pieces.last().unwrap_or(approach).curve.to;
     let progress = end[along] - approach.curve.to[along];
     let progress = if progress == 0.0 { -1.0 } else { progress.signum() };
-    Frame { swaps: facing, signs: [progress, outward(contour, across)] }
+    let outward = if is_level(contour, across) { side(contour, facing, progress) } else { None }
+        .unwrap_or_else(|| outward(contour, across));
+    Frame { swaps: facing, signs: [progress, outward] }
+}
+
+/// Whether a cycle starts at the level of the first point of its contour.
+fn is_level(contour: Contour<'_>, across: usize) -> bool {
+    (contour.start[across] - contour.pieces[0].curve.to[across]).abs() < SAME_MM
+}
+
+/// Which way the stock is across a contour, where the start of its cycle does not say it: where the compensated tool is, or where the
+/// roughing cycle found it.
+fn side(contour: Contour<'_>, facing: bool, progress: f64) -> Option<f64> {
+    let of_tool = contour.left.map(|left| if left == facing { -progress } else { progress });
+    of_tool.or_else(|| contour.roughed.filter(|roughed| roughed.0 == facing).map(|roughed| roughed.1))
 }
 
 /// Back to the start of the cycle, from the end of the contour.
 fn finish_return(contour: Contour<'_>, approach: &Piece, pieces: &[Piece]) -> Result<Plan, Refusal> {
     let frame = followed(contour, approach, pieces);
     let curves: Vec<_> = pieces.iter().map(|piece| frame.curve(&piece.curve)).collect();
-    let end = pieces.last().unwrap_or(approach).curve.to;
+    // Where the tool is: its way back may have begun within the contour.
+    let end = contour.pieces.last().unwrap_or(approach).curve.to;
     let mut path = Path::new(frame, frame.to(end));
     path.return_to(frame.to(contour.start));
     let to_contour = Step { curve: Curve::line(contour.start, approach.curve.to), is_rapid: true, block: None };
@@ -253,7 +291,7 @@ fn rough(
     }
     // Away from the part is against the passes along them, and outward across.
     let cuts_in = shift[1] < 0.0 || shift[0] > 0.0;
-    Ok(Plan { steps: path.steps, has_pockets, cuts_in })
+    Ok(Plan { steps: path.steps, has_pockets, cuts_in, outward: Some((facing, frame.signs[1])) })
 }
 
 fn unknown_side(name: &str) -> Refusal {
@@ -267,7 +305,10 @@ fn unknown_side(name: &str) -> Refusal {
 /// another one.
 fn check_side(contour: Contour<'_>, frame: &Frame, parts: &[Part]) -> Result<(), Refusal> {
     let level = frame.to(contour.start)[1];
-    let is_level = (level - frame.to(contour.pieces[0].curve.to)[1]).abs() < SAME_MM;
+    let is_level = is_level(contour, usize::from(!frame.swaps));
+    if is_level && side(contour, frame.swaps, frame.signs[0]).is_some() {
+        return Ok(());
+    }
     let goes_below = parts.iter().any(|part| part.curve.to[1] < level - TURNS_BACK_MM);
     if is_level && goes_below { Err(unknown_side(NAMES[usize::from(!frame.swaps)])) } else { Ok(()) }
 }

@@ -9,7 +9,7 @@ use crate::code;
 use crate::dialect::letter_bit;
 use crate::settings::ESCAPE_MM;
 use crate::state::{Pockets, TurningCycle};
-use crate::{DrillingStyle, Feed};
+use crate::{DialectName, DrillingStyle, Feed};
 
 /// Passes of a pattern, and of LinuxCNC's finishing.
 const PASSES: core::ops::RangeInclusive<u32> = 1..=1_000;
@@ -59,6 +59,8 @@ pub(super) struct Request {
     pub(super) start: [f64; 2],
     /// Z and X of the tool.
     pub(super) tool: [f64; 2],
+    /// The last blocks of the contour may lead back from it (Haas).
+    pub(super) may_depart: bool,
 }
 
 const RADIUS: Reading = |this, word| this.radius(word);
@@ -96,7 +98,8 @@ impl Execution<'_> {
             );
         }
         let finishes = cycle == TurningCycle::Finish;
-        if !finishes && self.is_cycle_on_contour("a roughing cycle") {
+        let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
+        if is_linuxcnc && !finishes && self.is_cycle_on_contour("a roughing cycle") {
             return;
         }
         let needs_feed = job != Some(Job::Finish);
@@ -107,8 +110,19 @@ impl Execution<'_> {
         // Without a job the contour is read all the same, and passed over.
         let nothing = Job::Pattern { relief: [0.0; 2], passes: 0, allowance: [0.0; 2] };
         let job = job.unwrap_or(if finishes { Job::Finish } else { nothing });
-        let request = Request { job, contour, feed, start: [z, x], tool };
-        self.state.flow.contour = Some(Box::new(ContourRun::asked(request, self.block.span(), is_broken)));
+        let request = Request {
+            job,
+            contour,
+            feed,
+            start: [z, x],
+            tool,
+            may_depart: !is_linuxcnc && self.settings.drilling.style == DrillingStyle::Haas,
+        };
+        let mut run = ContourRun::asked(request, self.block.span(), is_broken);
+        if !is_linuxcnc {
+            run.suspend_compensation(self);
+        }
+        self.state.flow.contour = Some(Box::new(run));
     }
 
     /// The first of two lines: what stays in force for the cycles behind it.

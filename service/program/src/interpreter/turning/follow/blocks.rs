@@ -133,16 +133,11 @@ impl ContourRun {
             OperationKind::Thread(_) | OperationKind::Guided(_) => {
                 refuse(self, "has a move that is no line and no arc");
             }
-            OperationKind::Compensation(CompensationCommand::On(_))
-                if !self.is_finish() && !std::mem::replace(&mut self.is_compensated, true) =>
-            {
-                findings.push_with(code::TURNING_COMPENSATION, |code| {
-                    let message = format!(
-                        "the compensation of the nose acts in the finishing cycle; the passes of line {} ignore it",
-                        self.span.line
-                    );
-                    Finding::new(code, operation.span, message)
-                });
+            OperationKind::Compensation(CompensationCommand::On(mode)) => {
+                self.left = Some(mode.left);
+                if !self.is_finish() {
+                    self.note_compensation(operation.span, findings);
+                }
             }
             _ => {}
         }

@@ -28,7 +28,10 @@ impl Interpreter {
         if to < steps.len() {
             self.steps = Some(steps);
             self.state.flow.contour = Some(run);
-        } else if let (Whereabouts::Sub(_), Some(step)) = (run.request.contour, steps.last()) {
+            return LineOutcome::Elsewhere;
+        }
+        self.resume_compensation(&run, operations);
+        if let (Whereabouts::Sub(_), Some(step)) = (run.request.contour, steps.last()) {
             // LinuxCNC goes on with the motion code of the last move.
             self.state.motion = match step.curve.circle {
                 Some(circle) => Motion::Arc { clockwise: circle.is_clockwise() },
