@@ -33,6 +33,7 @@ pub(super) fn drilling_from_proto(
             proto::BoringShift::SecondPlus => Some(BoringShift::SecondPlus),
             proto::BoringShift::SecondMinus => Some(BoringShift::SecondMinus),
         },
+        lathe_r_is_level: settings.lathe_r_is_level,
     })
 }
 
@@ -70,5 +71,6 @@ pub(super) fn drilling_to_proto(settings: &DrillingSettings) -> proto::DrillingS
         rigid_tapping: settings.rigid_tapping,
         tap_peck: peck_return(settings.tap_peck).into(),
         boring_shift: boring_shift.into(),
+        lathe_r_is_level: settings.lathe_r_is_level,
     }
 }

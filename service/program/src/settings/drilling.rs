@@ -63,4 +63,6 @@ pub struct DrillingSettings {
     pub tap_peck: Option<PeckReturn>,
     /// Direction of the `Q` of `G76` and `G87`; refused without it.
     pub boring_shift: Option<BoringShift>,
+    /// `R` of the cycles of a FANUC lathe in G-code system A is a level, not a distance from the level of the start.
+    pub lathe_r_is_level: bool,
 }

@@ -40,6 +40,7 @@ fn profiles_survive_the_round_trip() {
         rigid_tapping: true,
         tap_peck: Some(PeckReturn::RLevel),
         boring_shift: Some(BoringShift::SecondMinus),
+        lathe_r_is_level: true,
     };
     lathe.language.g_code_system = Some(feedwave_program::GCodeSystem::B);
     lathe.language.initial_motion = Some(feedwave_program::InitialMotion::Linear);

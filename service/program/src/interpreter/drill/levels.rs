@@ -70,7 +70,9 @@ impl Execution<'_> {
 
     /// Whether `R` counts from the level of the start.
     fn is_r_a_distance(&self) -> bool {
-        self.has_lathe_cycles() && self.is_system_a() || !self.state.absolute
+        let is_distance_in_a =
+            self.has_lathe_cycles() && self.is_system_a() && !self.settings.drilling.lathe_r_is_level;
+        is_distance_in_a || !self.state.absolute
     }
 
     /// The bottom, from the word of the drilling axis or a block before.
@@ -134,7 +136,11 @@ impl Execution<'_> {
                     if is_distance && up * (start - (r - start)) >= 0.0 {
                         let distance = (r - start - start) / unit_mm;
                         let distance = (distance * 1e4).round() / 1e4;
-                        format!("R counts from the level of the start here: where it is meant as a level, write R{distance:?}").into()
+                        let as_level = format!(
+                            "R counts from the level of the start here: where it is meant as a level, write R{distance:?}, or set \
+                             language.drilling.lathe_r_is_level of the machine profile where the control reads levels"
+                        );
+                        as_level.into()
                     } else {
                         "move the tool above the R level before the cycle".into()
                     },

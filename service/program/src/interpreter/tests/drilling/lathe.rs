@@ -101,8 +101,16 @@ fn r_that_is_meant_as_a_level_is_told_as_a_distance() {
         found.expect(program).suggestions[0].message.clone()
     };
     let said = "R counts from the level of the start here: where it is meant as a level, write R";
-    assert_eq!(cure("M3 S500\nG0 Z5.\nG83 Z-10. R2. Q5000 F.1", &a), format!("{said}-3.0"));
-    assert_eq!(cure("G20 M3 S500\nG0 Z.5\nG83 Z-1. R.1 Q500 F.01", &a), format!("{said}-0.4"));
+    let is_said = |program: &str, distance: &str| cure(program, &a).starts_with(&format!("{said}{distance}, or set"));
+    assert!(is_said("M3 S500\nG0 Z5.\nG83 Z-10. R2. Q5000 F.1", "-3.0"));
+    assert!(is_said("G20 M3 S500\nG0 Z.5\nG83 Z-1. R.1 Q500 F.01", "-0.4"));
+    let levels = LanguageSettings { drilling: DrillingSettings { lathe_r_is_level: true, ..a.drilling }, ..a.clone() };
+    let path = |settings: &LanguageSettings, r: &str| {
+        render(format!("M3 S500\nG0 Z5.\nG83 Z-10. {r} Q5000 F.1\nG80\nM30\n"), settings)
+    };
+    let distance = path(&a, "R-3.");
+    assert!(!distance.contains("PRG"), "{distance}");
+    assert_eq!(path(&levels, "R2."), distance.replace(" R-3.", " R2."));
     // R7 is no level that the tool is above.
     assert!(!cure("M3 S500\nG0 Z5.\nG83 Z-10. R7. Q5000 F.1", &a).contains("counts"));
 }

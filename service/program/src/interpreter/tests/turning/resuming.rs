@@ -5,12 +5,17 @@ use super::*;
 /// Reads a program, and goes on from a snapshot behind every call: the same operations and findings follow.
 #[track_caller]
 fn resumes(settings: &LanguageSettings, program: &str) {
+    resumes_with(&[], settings, program);
+}
+
+#[track_caller]
+fn resumes_with(tools: &[ToolOffset], settings: &LanguageSettings, program: &str) {
     let program = format!("{program}\nM30\n");
     let source = program.as_bytes();
     let rest = |interpreter: &Interpreter| &source[source.len().min(interpreter.place().offset as usize)..];
-    let (whole, log) = Interpreter::new(settings.clone()).read_all(source);
+    let (whole, log) = Interpreter::new(settings.clone()).with_tools(tools.to_vec()).read_all(source);
     assert!(!log.has_errors(), "{log:?}");
-    let mut interpreter = Interpreter::new(settings.clone());
+    let mut interpreter = Interpreter::new(settings.clone()).with_tools(tools.to_vec());
     let mut done = Vec::new();
     let mut findings = FindingLog::default();
     let mut calls = 0;
@@ -24,7 +29,7 @@ fn resumes(settings: &LanguageSettings, program: &str) {
         let bytes = postcard::to_allocvec(interpreter.state()).expect("a state is serialisable");
         assert!(bytes.len() < 20_000, "{} bytes", bytes.len());
         let state = postcard::from_bytes(&bytes).expect("and comes back");
-        let mut resumed = Interpreter::restore(settings.clone(), state);
+        let mut resumed = Interpreter::restore(settings.clone(), state).with_tools(tools.to_vec());
         let mut after = Vec::new();
         while resumed.read_line(rest(&resumed).to_vec().as_slice(), true, &mut after, &mut FindingLog::default())
             != LineOutcome::Ended
@@ -41,6 +46,15 @@ fn within_roughing_and_finishing() {
     let program =
         format!("M3 S1000\nG0 X50. Z2.\nG71 U0.2 R1.\nG71 P10 Q20 U0.8 W0.2 F0.2\n{CONTOUR}\nG70 P10 Q20\nG0 X60.");
     resumes(&a(), &program);
+}
+
+#[test]
+fn under_compensation_of_the_nose() {
+    let nose = ToolOffset { tip: 3, ..ToolOffset::new(1).with_radius(0.4) };
+    let program = format!(
+        "T0101 M3 S1000\nG0 X52. Z3.\nG42 X50. Z2.\nG71 U0.2 R1.\nG71 P10 Q20 U0.8 W0.2 F0.2\n{CONTOUR}\nG70 P10 Q20\nG0 Z9.\nG40 X60."
+    );
+    resumes_with(&[nose], &a(), &program);
 }
 
 #[test]
