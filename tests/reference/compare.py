@@ -220,8 +220,9 @@ def compare(ours, refused, reference):
 
 
 def ours(binary, path):
+    tools = ["--tools", str(HERE / "tools.toml")] if path.name.startswith("tool-") else []
     run = subprocess.run(
-        [binary, "interpret", "--profile", str(HERE / "machine.toml"), "--format", "jsonl", str(path)],
+        [binary, "interpret", "--profile", str(HERE / "machine.toml"), *tools, "--format", "jsonl", str(path)],
         capture_output=True, text=True, timeout=120, check=False, env={**os.environ, "NO_COLOR": "1"},
     )
     if run.returncode not in (0, 1):

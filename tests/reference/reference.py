@@ -5,13 +5,18 @@ lengths are inches, its positions program coordinates; they become machine coord
 machine = origin of the work system + rotation about Z of (program + G92 shift) + tool offset.
 """
 
+import ctypes
 import math
 import os
 import sys
 import tempfile
+import tomllib
 
 INCH = 25.4
 AXES = 9
+# LinuxCNC's orientation by FANUC's number of the tip.
+ORIENTATIONS = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9]
+NO_TOOL = (0,) + (0.0,) * (AXES + 3) + (0,)
 # Rotary axes keep degrees.
 SCALE = [INCH, INCH, INCH, 1.0, 1.0, 1.0, INCH, INCH, INCH]
 # What takes longer or has more actions never ends: programs here take milliseconds.
@@ -24,7 +29,9 @@ PLANES = {1: (0, 1, 2), 2: (1, 2, 0), 3: (2, 0, 1)}
 class Canon:
     """Collects actions. Every method is called by the interpreter."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, tools):
+        # By their places in the table; the place 0 is the spindle.
+        self.tools = tools
         self.parameter_file = os.path.join(folder, "parameters")
         open(self.parameter_file, "a").close()
         self.actions = []
@@ -56,8 +63,11 @@ class Canon:
     def check_abort(self):
         return False
 
-    def get_tool(self, pocket):
-        return (pocket,) + (0.0,) * AXES + (0.0, 0.0, 0.0, 0)
+    def get_tool(self, place):
+        return self.tools[place] if place < len(self.tools) else NO_TOOL
+
+    def change_tool(self, place):
+        self.tools[0] = self.tools[place]
 
     def set_g5x_offset(self, _index, *offset):
         self.origin = self.scaled(offset)
@@ -135,12 +145,39 @@ class Canon:
         return lambda *_: None
 
 
+def load_tools(folder):
+    """The rows of the table of tools, in mm. The interpreter of this process gets their numbers as well, in the file of the
+    home directory that it looks for places in the table in."""
+    with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "tools.toml"), "rb") as file:
+        tools = [tool_row(tool) for tool in tomllib.load(file)["tools"]]
+    table = os.path.join(folder, "tools")
+    with open(table, "w") as file:
+        file.writelines(f"T{number} P{number}\n" for number, *_ in tools)
+    os.environ["HOME"] = folder
+    library = ctypes.CDLL("libtooldata.so.0")
+    library._Z17tool_mmap_creatorPK13EMC_TOOL_STATi(None, 0)
+    library._Z13tooldata_initb(False)
+    if library._Z13tooldata_loadPKcPPc(table.encode(), None) != 0:
+        raise SystemExit("the table of tools cannot be loaded")
+    return [NO_TOOL, *tools]
+
+
+def tool_row(tool):
+    """Number, offsets, diameter, angles of the edges and orientation of a tool of the contract, as the interpreter asks for it."""
+    offset = tool.get("offset", {"z": tool.get("length_mm", 0.0)})
+    offsets = (float(offset.get(letter, 0.0)) for letter in "xyzabcuvw")
+    diameter = float(tool.get("diameter_mm", 2.0 * tool.get("nose_radius_mm", 0.0)))
+    angles = (float(tool.get("front_angle_deg", 0.0)), float(tool.get("back_angle_deg", 0.0)))
+    return tool["number"], *offsets, diameter, *angles, ORIENTATIONS[tool.get("tip", 0)]
+
+
 def interpret(path):
     """The actions of a program, and (line, message) where it is refused or None."""
     import gcode
 
     with tempfile.TemporaryDirectory() as folder:
-        canon = Canon(folder)
+        tools = load_tools(folder) if os.path.basename(path).startswith("tool-") else []
+        canon = Canon(folder, tools)
         result, line = gcode.parse(path, canon, "G21", "")
     refusal = (line, gcode.strerror(result)) if result > gcode.MIN_ERROR else None
     return canon.actions, refusal

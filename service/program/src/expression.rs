@@ -17,6 +17,8 @@ pub(crate) use function::{nearest, nearest_increment};
 pub(crate) use name::Name;
 pub(crate) use rules::{FANUC, LINUXCNC, Rules};
 
+use std::borrow::Cow;
+
 use crate::{AngleRange, FindingCode, code};
 use parse::{Operand, Parser};
 pub(crate) use parse::{WHOLE_TOLERANCE, whole_near};
@@ -52,7 +54,7 @@ impl From<Value> for Reading {
 pub(crate) struct Refusal {
     pub(crate) code: FindingCode,
     pub(crate) message: String,
-    pub(crate) cure: &'static str,
+    pub(crate) cure: Cow<'static, str>,
 }
 
 /// What is wrong with an expression, and where: it becomes a finding at that place.
@@ -65,17 +67,17 @@ pub(crate) struct Defect {
     pub(crate) message: String,
     /// The numbers that led to it: what each is, and its value.
     pub(crate) values: Vec<(&'static str, f64)>,
-    pub(crate) cure: &'static str,
+    pub(crate) cure: Cow<'static, str>,
 }
 
 impl Defect {
     pub(crate) fn new(code: FindingCode, start: usize, end: usize, message: impl Into<String>) -> Box<Self> {
-        Box::new(Self { code, start, end, message: message.into(), values: Vec::new(), cure: "" })
+        Box::new(Self { code, start, end, message: message.into(), values: Vec::new(), cure: Cow::Borrowed("") })
     }
 
     /// Adds the cure in words.
-    pub(crate) fn cure(mut self: Box<Self>, cure: &'static str) -> Box<Self> {
-        self.cure = cure;
+    pub(crate) fn cure(mut self: Box<Self>, cure: impl Into<Cow<'static, str>>) -> Box<Self> {
+        self.cure = cure.into();
         self
     }
 

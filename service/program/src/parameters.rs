@@ -73,9 +73,15 @@ impl Ranges {
         Refusal {
             code: code::PARAMETER_NUMBER,
             message: format!("#{number} does not exist; there are {}", known.join(", ")),
-            cure: "check the number, and what it is computed from",
+            cure: "check the number, and what it is computed from".into(),
         }
     }
+}
+
+/// The rows of a profile that bring the value of a parameter, by its number or name, as cures write them.
+#[cold]
+pub(crate) fn profile_row(parameter: &str) -> String {
+    format!("[[language.parameters]] with parameter = \"{parameter}\" and its value")
 }
 
 /// Parameters that a profile or a job brings: initial values, and values of the control that are not known otherwise, such as the result of
@@ -241,7 +247,7 @@ impl Parameters {
             return Err(Refusal {
                 code: code::PARAMETER_LIMIT,
                 message: format!("#<{}> would be more than {MOST_NAMES} named parameters", name.as_str()),
-                cure: "use numbered parameters",
+                cure: "use numbered parameters".into(),
             });
         }
         names.insert(name.as_str().into(), value);

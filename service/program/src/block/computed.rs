@@ -178,7 +178,7 @@ impl Block {
             for &(name, value) in &defect.values {
                 finding = finding.with_value(name, value, "");
             }
-            if defect.cure.is_empty() { finding } else { finding.suggest(defect.cure) }
+            if defect.cure.is_empty() { finding } else { finding.suggest(defect.cure.clone()) }
         });
     }
 

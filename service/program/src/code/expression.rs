@@ -107,14 +107,16 @@ crate::finding_codes! {
     "PRG-PARAMETER-UNAVAILABLE" [PARAMETER_UNAVAILABLE: Error] {
         meaning: "a value of the control that is not known here",
         cause: "The program reads inputs of the machine, values of its configuration or of a rarely used group of codes.",
-        cure: "Let the profile or the job bring a value for it.",
+        cure: "Let the profile bring its value (`[[language.parameters]]`), or the job (`[[parameters]]` of its offsets); of a tool in \
+               the spindle of LinuxCNC (`#5401` to `#5413`) the tool of the job.",
         example: lathe("#1=#1000"),
     }
 
     "PRG-PARAMETER-CLOCK" [PARAMETER_CLOCK: Error] {
         meaning: "a clock or a counter of the control is read, so that the program would not run twice alike",
         cause: "`#3001`, `#3002`, `#3011`, `#3012` or `#3901` is part of an expression.",
-        cure: "Let the profile or the job bring a value for it, or take it out.",
+        cure: "Take it out, or let the profile bring a value for it (`[[language.parameters]]`), or the job (`[[parameters]]` of its \
+               offsets).",
         example: lathe("#1=#3011"),
     }
 

@@ -1,11 +1,14 @@
 //! The reader: recursive descent over the bytes of a line, evaluating as it goes.
 
+use std::borrow::Cow;
+
 use super::function::{self, Function};
 use super::name::Name;
 use super::operator::{Impossible, Operation, Operator, operator_at};
 use super::rules::Rules;
 use super::{Context, Defect, Note, NoteKind, Reading, Target, Value};
 use crate::number::{self, Scan};
+use crate::parameters::profile_row;
 use crate::{AngleRange, code};
 
 /// A value within an expression.
@@ -236,7 +239,7 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
                 None => Err(super::Refusal {
                     code: code::PARAMETER_UNSET,
                     message: format!("#<{}> is read, but nothing was assigned to it", name.as_str()),
-                    cure: "assign it before, or ask with EXISTS",
+                    cure: unset_cure(name),
                 }),
             }),
         };
@@ -475,4 +478,16 @@ fn impossible(
         }
     }
     defect
+}
+
+/// How to give a name a value.
+#[cold]
+fn unset_cure(name: &Name) -> Cow<'static, str> {
+    match name.is_global() {
+        true => {
+            format!("assign it before, ask with EXISTS, or let the profile bring it: {}", profile_row(name.as_str()))
+        }
+        false => return "assign it before, or ask with EXISTS".into(),
+    }
+    .into()
 }

@@ -18,7 +18,7 @@ impl Variables for Table {
     fn numbered(&self, number: u32) -> Result<Reading, Refusal> {
         if number > 9_999 {
             let message = format!("#{number} does not exist");
-            return Err(Refusal { code: code::PARAMETER_NUMBER, message, cure: "use another" });
+            return Err(Refusal { code: code::PARAMETER_NUMBER, message, cure: "use another".into() });
         }
         let is_probed = number == 5_061;
         Ok(Reading { value: self.numbered.get(&number).copied(), is_probed })

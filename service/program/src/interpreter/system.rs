@@ -11,7 +11,7 @@ mod tests;
 use crate::code;
 use crate::dialect::Dialect;
 use crate::expression::{Name, Reading, Refusal, Target, Value, Variables};
-use crate::parameters::Kind;
+use crate::parameters::{Kind, profile_row};
 use crate::{Axis, DialectName, InterpreterState, LanguageSettings, Position, ToolOffset};
 
 use super::coordinates::{self, Register, ToolPart};
@@ -65,9 +65,8 @@ impl Variables for System<'_> {
         }
         let assigned = self.state.parameters.named(name);
         let value = assigned.or_else(|| self.settings.parameters.named.get(name.as_str()).copied());
-        let is_outside = linuxcnc::OUTSIDE.iter().any(|prefix| name.as_str().starts_with(prefix));
-        if value.is_none() && is_outside {
-            return Err(unavailable(format!("#<{}>", name.as_str())));
+        if value.is_none() && linuxcnc::is_outside(name) {
+            return Err(unavailable(name.as_str()));
         }
         Ok(value)
     }
@@ -109,17 +108,20 @@ impl System<'_> {
         let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
         match number {
             // Whether the probe has found a contact.
-            5_070 if self.state.probed.is_some() => Err(unavailable("#5070".to_owned())),
-            _ if is_linuxcnc => Ok(Reading::from(Some(0.0))),
+            5_070 if self.state.probed.is_some() => Err(unavailable("5070")),
+            _ if is_linuxcnc => match linuxcnc::of_spindle_tool(number) {
+                Some((what, cure)) => Err(of_unknown_tool(number, what, self.state.tool, cure)),
+                None => Ok(Reading::from(Some(0.0))),
+            },
             3_001 | 3_002 | 3_011 | 3_012 | 3_901 | 3_902 => Err(Refusal {
                 code: code::PARAMETER_CLOCK,
                 message: format!(
                     "#{number} is a clock or a counter of the control, so that the program would not run twice alike"
                 ),
-                cure: "let the job bring a value for it, or take it out",
+                cure: format!("take it out, or {}", bring(&number.to_string())).into(),
             }),
             _ if is_of_small_memory(self.settings, number) => Err(of_small_memory(number)),
-            _ => Err(unavailable(format!("#{number}"))),
+            _ => Err(unavailable(&number.to_string())),
         }
     }
 
@@ -170,16 +172,33 @@ fn of_small_memory(number: u32) -> Refusal {
              control has"
         ),
         cure: "write #10001 on (H wear), #11001 on (H geometry), #12001 on (D wear) or #13001 on (D geometry), which are the same \
-               on all controls",
+               on all controls"
+            .into(),
     }
 }
 
 #[cold]
-fn unavailable(name: String) -> Refusal {
+fn unavailable(parameter: &str) -> Refusal {
+    let name = if parameter.starts_with('_') { format!("#<{parameter}>") } else { format!("#{parameter}") };
     Refusal {
         code: code::PARAMETER_UNAVAILABLE,
         message: format!("{name} is a value of the control that is not known here"),
-        cure: "let the profile or the job bring a value for it",
+        cure: bring(parameter).into(),
+    }
+}
+
+/// What brings the value of a parameter, by its number or name.
+fn bring(parameter: &str) -> String {
+    format!("let the profile bring its value: {}, or the job: [[parameters]] of its offsets", profile_row(parameter))
+}
+
+/// A value of the tool in the spindle, whose row of the table of tools is not known, or does not state it.
+#[cold]
+fn of_unknown_tool(number: u32, what: &str, tool: u32, cure: &'static str) -> Refusal {
+    Refusal {
+        code: code::PARAMETER_UNAVAILABLE,
+        message: format!("#{number} is {what} of the tool in the spindle, and that of T{tool} is not known"),
+        cure: cure.into(),
     }
 }
 
@@ -188,7 +207,7 @@ fn read_only(name: String) -> Refusal {
     Refusal {
         code: code::PARAMETER_READ_ONLY,
         message: format!("{name} is a value of the control and cannot be assigned"),
-        cure: "assign a variable of the program",
+        cure: "assign a variable of the program".into(),
     }
 }
 
@@ -240,7 +259,7 @@ fn set_system(
             return Err(Refusal {
                 code: code::PARAMETER_READ_ONLY,
                 message: "#5220 is the number of the work coordinate system in force, and selects none".to_owned(),
-                cure: "select it with its code, such as G55",
+                cure: "select it with its code, such as G55".into(),
             });
         }
         None if is_of_small_memory(settings, number) => {
@@ -267,6 +286,7 @@ pub(crate) fn assign_offset(
         cure: match register {
             Register::Tool(_, ToolPart::Tip) if state.compensation.on.is_none() => "assign a whole number from 0 to 9",
             _ => "assign it in a block before that is so, or behind its end",
-        },
+        }
+        .into(),
     })
 }

@@ -138,8 +138,7 @@ impl Execution<'_> {
 
     /// The row of a tool offset, as the program, the job or the profile has it.
     pub(in super::super) fn tool_row(&self, number: u32) -> Option<ToolOffset> {
-        let is_it = |row: &&ToolOffset| row.number == number;
-        self.state.coords.tables.tools.iter().find(is_it).or_else(|| self.tools.iter().find(is_it)).copied()
+        super::tool_row(self.state, self.tools, number)
     }
 
     fn set_tool_row(&mut self, row: ToolOffset) {

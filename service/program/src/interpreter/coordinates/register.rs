@@ -126,8 +126,8 @@ fn unit(state: &InterpreterState, settings: &LanguageSettings, axis: Option<Axis
     if axis == Some(Axis::X) && state.x_diameter { unit * 0.5 } else { unit }
 }
 
-/// A row of the table of tool offsets, as the program or the job has it.
-fn row(state: &InterpreterState, tools: &[ToolOffset], number: u32) -> Option<ToolOffset> {
+/// A row of the table of tool offsets, as the program, the job or the profile has it.
+pub(in super::super) fn tool_row(state: &InterpreterState, tools: &[ToolOffset], number: u32) -> Option<ToolOffset> {
     let is_it = |row: &&ToolOffset| row.number == number;
     state.coords.tables.tools.iter().find(is_it).or_else(|| tools.iter().find(is_it)).copied()
 }
@@ -151,7 +151,7 @@ pub(in super::super) fn read(
         Register::StoredShift(axis) => coords.tables.stored_shift[axis.index()],
         Register::ShiftIsOn => f64::from(u8::from(coords.tables.shift_is_on)),
         Register::Tool(number, part) => {
-            let row = row(state, tools, number)?;
+            let row = tool_row(state, tools, number)?;
             let scale = unit(state, settings, None);
             match part {
                 ToolPart::Geometry(axis) => in_units(axis, row.geometry?[axis.index()]),
@@ -177,7 +177,7 @@ pub(in super::super) fn assign(
     let length = |axis: Option<Axis>| value * unit(state, settings, axis);
     match register {
         Register::Tool(number, part) => {
-            let mut row = row(state, tools, number).unwrap_or(ToolOffset::new(number));
+            let mut row = tool_row(state, tools, number).unwrap_or(ToolOffset::new(number));
             match part {
                 ToolPart::Geometry(axis) => row.geometry.get_or_insert_default()[axis.index()] = length(Some(axis)),
                 ToolPart::Wear(axis) => row.wear[axis.index()] = length(Some(axis)),

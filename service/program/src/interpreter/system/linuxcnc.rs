@@ -3,7 +3,9 @@
 use super::{Effect, Row, System};
 use crate::dialect::FeedUnit;
 use crate::expression::{Name, Value};
-use crate::{Axis, Plane, SpindleDirection};
+use crate::interpreter::compensation::TIP_OF_ORIENTATION;
+use crate::interpreter::coordinates::tool_row;
+use crate::{Axis, Plane, Position, SpindleDirection, ToolOffset};
 
 pub(super) static ROWS: &[Row] = &[
     (5_021, 5_029, |system, place| axis(place).and_then(|axis| machine(system, axis)).map(Some)),
@@ -11,12 +13,21 @@ pub(super) static ROWS: &[Row] = &[
     (5_220, 5_220, |system, _| Some(system.state.coords.system.plain_number().map(f64::from))),
     (5_399, 5_399, |system, _| Some(Some(system.settings.input_result))),
     (5_400, 5_400, |system, _| Some(Some(f64::from(system.state.tool)))),
-    (5_401, 5_409, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
+    (5_401, 5_409, |system, place| {
+        axis(place).and_then(|axis| spindle_tool(system)?.total().map(|it| Some(it[axis.index()])))
+    }),
+    (5_410, 5_410, |system, _| Some(Some(spindle_tool(system)?.total_radius_mm()? * 2.0))),
+    (5_411, 5_411, |system, _| Some(Some(spindle_tool(system)?.front_angle_deg))),
+    (5_412, 5_412, |system, _| Some(Some(spindle_tool(system)?.back_angle_deg))),
+    (5_413, 5_413, |system, _| Some(Some(orientation(spindle_tool(system)?.tip)))),
     (5_420, 5_428, |system, place| axis(place).and_then(|axis| work(system, axis)).map(Some)),
 ];
 
-/// Beginnings of names whose values come from outside the interpreter.
-pub(super) const OUTSIDE: [&str; 2] = ["_hal[", "_ini["];
+/// Whether the value of a name comes from outside the interpreter: pins, the configuration, and predefined names that only the
+/// machine has, as it alone knows which tool is in which pocket.
+pub(super) fn is_outside(name: &Name) -> bool {
+    ["_hal[", "_ini["].iter().any(|prefix| name.as_str().starts_with(prefix)) || is_predefined(name)
+}
 
 /// What the last probing move is taken to have found, in the units of the program.
 pub(super) fn probed(system: &System<'_>, place: u32) -> Option<Value> {
@@ -36,6 +47,32 @@ fn work(system: &System<'_>, axis: Axis) -> Option<f64> {
 /// Machine position in the units of the program.
 fn machine(system: &System<'_>, axis: Axis) -> Option<f64> {
     system.place(&system.machine_position(), axis)
+}
+
+/// The row of the tool in the spindle, in machine units; without a tool everything is 0, and `None` where its row is not known.
+/// `G43` and `G49` put offsets in force and change nothing of it.
+fn spindle_tool(system: &System<'_>) -> Option<ToolOffset> {
+    match system.state.tool {
+        0 => Some(ToolOffset { geometry: Some(Position::default()), radius_mm: Some(0.0), ..ToolOffset::default() }),
+        number => tool_row(system.state, system.tools, number),
+    }
+}
+
+/// LinuxCNC's orientation of FANUC's number of the tip: the table is its own inverse.
+fn orientation(tip: u8) -> f64 {
+    f64::from(TIP_OF_ORIENTATION.get(usize::from(tip)).copied().unwrap_or_default())
+}
+
+/// What #5401 to #5413 are of the tool in the spindle, and what brings it; `None` for other numbers.
+pub(super) fn of_spindle_tool(number: u32) -> Option<(&'static str, &'static str)> {
+    Some(match number {
+        5_401..=5_409 => ("the offset", "give the tool its length or offset, and the job the tool"),
+        5_410 => ("the diameter", "give the tool its diameter, and the job the tool"),
+        5_411 => ("the front angle", "give the job the tool"),
+        5_412 => ("the back angle", "give the job the tool"),
+        5_413 => ("the orientation", "give the job the tool"),
+        _ => return None,
+    })
 }
 
 /// The tool offset in effect, in machine units.
@@ -110,6 +147,8 @@ static NAMES: &[(&str, Read)] = &[
     ("_abs_c", |system| machine(system, Axis::C)),
     ("_current_tool", |system| Some(f64::from(system.state.tool))),
     ("_selected_tool", |system| Some(f64::from(system.state.next_tool.unwrap_or(0)))),
+    ("_current_pocket", |_| None),
+    ("_selected_pocket", |system| system.state.next_tool.is_none().then_some(-1.0)),
     ("_call_level", |system| Some(system.state.parameters.depth() as f64)),
     ("_remap_level", |_| Some(0.0)),
     ("_task", |_| Some(1.0)),

@@ -5,6 +5,13 @@ use crate::dialect::CodeTable;
 use crate::expression::{Context, assignment, evaluate};
 use crate::{Interpreter, ToolOffset};
 
+/// T1 is measured, of T2 the number is known.
+fn tools() -> Vec<ToolOffset> {
+    let turning =
+        ToolOffset { tip: 3, front_angle_deg: 10.0, back_angle_deg: 20.0, radius_wear_mm: -0.05, ..ToolOffset::new(1) };
+    vec![turning.with_length(100.0).with_radius(4.0), ToolOffset::new(2)]
+}
+
 /// An interpreter behind a program, without its end, that gives no finding.
 fn behind(settings: &LanguageSettings, program: &str) -> Interpreter {
     behind_all(settings, program, 0)
@@ -12,8 +19,7 @@ fn behind(settings: &LanguageSettings, program: &str) -> Interpreter {
 
 /// An interpreter behind a program that gives so many findings.
 fn behind_all(settings: &LanguageSettings, program: &str, count: usize) -> Interpreter {
-    let tools = vec![ToolOffset::new(1).with_length(100.0)];
-    let mut interpreter = Interpreter::new(settings.clone()).with_tools(tools);
+    let mut interpreter = Interpreter::new(settings.clone()).with_tools(tools());
     let (mut operations, mut findings) = (Vec::new(), crate::FindingLog::default());
     for line in program.lines() {
         interpreter.read_line(format!("{line}\n").as_bytes(), false, &mut operations, &mut findings);
@@ -26,7 +32,8 @@ fn behind_all(settings: &LanguageSettings, program: &str, count: usize) -> Inter
 fn value(settings: &LanguageSettings, program: &str, text: &str) -> Result<Value, String> {
     let interpreter = behind(settings, program);
     let dialect = CodeTable::new(settings).dialect;
-    let system = System { state: interpreter.state(), settings, dialect, tools: &[] };
+    let tools = tools();
+    let system = System { state: interpreter.state(), settings, dialect, tools: &tools };
     let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
     let found = evaluate(text.as_bytes(), 0, &mut context);
     found.map(|(value, _)| value).map_err(|defect| defect.code.name().to_owned())
@@ -147,6 +154,71 @@ fn section_2_numbers_linuxcnc() {
     );
     check(&settings, "G20\nG0 X1", &[("#5420", 1.0), ("#5221", 100.0)]);
     assert_eq!(value(&settings, "", "#5602"), Err("PRG-PARAMETER-NUMBER".to_owned()));
+}
+
+/// The row of the tool in the spindle, held against rs274: only a tool change and the table change it.
+#[test]
+fn section_2_the_tool_in_the_spindle_linuxcnc() {
+    let settings = LanguageSettings::linuxcnc();
+    let row = [("#5401", 0.0), ("#5403", 100.0), ("#5410", 7.9), ("#5411", 10.0), ("#5412", 20.0), ("#5413", 2.0)];
+    for program in ["T1 M6", "T1 M6 G43", "T1 M6\nG43\nG49", "T1 M6\nG43.1 Z5", "T1 M6\nT2", "M61 Q1", "T1 M6\nG20"] {
+        check(&settings, program, &row);
+    }
+    check(
+        &settings,
+        "T1 M6\nG10 L1 P1 Z50 R3 I1 J2 Q4\nG10 L1 P2 Z60 R4",
+        &[("#5403", 50.0), ("#5410", 6.0), ("#5413", 4.0)],
+    );
+    check(&settings, "", &[("#5403", 0.0), ("#5410", 0.0), ("#5411", 0.0), ("#5413", 0.0)]);
+    check(&settings, "T1 M6\nT0 M6", &[("#5403", 0.0), ("#5410", 0.0)]);
+    // The offset in force may be that of another tool.
+    let interpreter = behind_all(&settings, "T2 M6\nG43 H1", 1);
+    let (dialect, tools) = (CodeTable::new(&settings).dialect, tools());
+    let system = System { state: interpreter.state(), settings: &settings, dialect, tools: &tools };
+    assert_eq!(system.numbered(5_083), Ok(Reading::from(Some(100.0))));
+    for number in [5_403, 5_410] {
+        let refusal = system.numbered(number).expect_err("T2 is not measured");
+        assert_eq!(refusal.code, code::PARAMETER_UNAVAILABLE, "#{number}");
+        assert!(refusal.message.contains("T2"), "{}", refusal.message);
+    }
+    assert_eq!(value(&settings, "T3 M6", "#5410"), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "no such tool");
+    assert_eq!(value(&settings, "T3 M6", "#5413"), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "no such tool");
+    let mut brought = settings;
+    brought.parameters.numbered.insert(5_410, 12.0);
+    check(&brought, "T2 M6", &[("#5410", 12.0)]);
+}
+
+#[test]
+fn section_2_pockets_linuxcnc_are_the_machines() {
+    let mut settings = LanguageSettings::linuxcnc();
+    check(&settings, "", &[("#<_selected_pocket>", -1.0)]);
+    for (program, name) in [("", "#<_current_pocket>"), ("T1", "#<_selected_pocket>"), ("T1 M6", "#<_current_pocket>")]
+    {
+        assert_eq!(value(&settings, program, name), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "{name}");
+    }
+    assert_eq!(after(&settings, &["#<_current_pocket>=3"], "#1"), Err("PRG-PARAMETER-READ-ONLY".to_owned()));
+    settings.parameters.named = [("_current_pocket".to_owned(), 5.0), ("_selected_pocket".to_owned(), 6.0)].into();
+    check(&settings, "T1 M6", &[("#<_current_pocket>", 5.0), ("#<_selected_pocket>", 6.0)]);
+}
+
+/// The cure names the rows that bring the value.
+#[test]
+fn values_that_only_the_machine_has_name_what_brings_them() {
+    let (mill, linuxcnc) = (LanguageSettings::mill(), LanguageSettings::linuxcnc());
+    for (settings, text, row) in [
+        (&mill, "#3011", "parameter = \"3011\""),
+        (&mill, "#1000", "parameter = \"1000\""),
+        (&linuxcnc, "#<_HAL[pin]>", "parameter = \"_hal[pin]\""),
+        (&linuxcnc, "#<_current_pocket>", "parameter = \"_current_pocket\""),
+        (&linuxcnc, "#<_depth>", "parameter = \"_depth\""),
+    ] {
+        let state = InterpreterState::new(settings);
+        let dialect = CodeTable::new(settings).dialect;
+        let system = System { state: &state, settings, dialect, tools: &[] };
+        let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
+        let cure = evaluate(text.as_bytes(), 0, &mut context).expect_err("it is not known").cure;
+        assert!(cure.contains("[[language.parameters]]") && cure.contains(row), "{text}: {cure}");
+    }
 }
 
 #[test]
