@@ -121,7 +121,8 @@ impl Note {
             NoteKind::Probe => (
                 code::PARAMETER_PROBED,
                 "the result of a probe is read; here it is the programmed end of the probing move",
-                "bring the expected result with the profile, and check what depends on it",
+                "bring the expected result with the profile ([[language.parameters]], #5061 and on) or with the offsets of the job \
+                 ([[parameters]]), and check what depends on it",
             ),
         }
     }

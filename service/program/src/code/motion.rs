@@ -206,8 +206,11 @@ crate::finding_codes! {
     "PRG-PROBE" [PROBE: Error, PROBE_UNKNOWN: Warning] {
         meaning: "a probing move: a warning, as where it ends is not known; an error where it cannot be one",
         cause: "`G31`, `G36`, `G37` or `G38.2` to `G38.5` ends at a contact that only the machine finds. The whole travel is \
-              taken as the path, at the feed. A move without travel, of rotary axes or under `G93` cannot probe.",
-        cure: "Check what the program does with the result; no part of it is judged by what the probe would find.",
+              taken as the path, at the feed. A move of rotary axes, under `G93` or without travel cannot probe, but `G38.3` and \
+              `G38.5` of LinuxCNC, which raise no alarm, need no travel.",
+        cure: "Check what the program does with the result; no part of it is judged by what the probe would find. The profile brings a \
+               result (`[[language.parameters]]`, `#5061` and on, of LinuxCNC `#5070` as well), or the job (`[[parameters]]` of its \
+               offsets).",
         example: mill("G31 Z-10 F100"),
     }
 

@@ -1,10 +1,11 @@
 //! Probing moves: the whole travel is the path, as only the machine finds the contact.
 
 use super::execute::Execution;
-use super::motion::{Frame, set_bits};
+use super::motion::Frame;
 use crate::code;
 use crate::dialect::{FeedUnit, Flow, Letter, letter_bit};
-use crate::{Finding, MoveKind, SourceSpan};
+use crate::state::Motion;
+use crate::{Axis, Finding, MoveKind, SourceSpan};
 
 impl Execution<'_> {
     /// `G31`, `G36`, `G37`, and `G38.2` to `G38.5`: a move at the feed.
@@ -27,9 +28,10 @@ impl Execution<'_> {
             self.used |= axes;
             return self.probe_error(span, "probing under tool centre point control is not possible");
         }
-        let is_rotary = |place| matches!(self.table.dialect.letters[place], Letter::Axis(axis) if axis.is_rotary());
-        let turns = set_bits(axes).any(is_rotary);
         let end = self.target(axes, Frame::Work);
+        let turns = Axis::ALL
+            .into_iter()
+            .any(|axis| axis.is_rotary() && end[axis.index()] != self.state.position[axis.index()]);
         if self.block.unclear {
             self.state.position = end;
             return;
@@ -39,19 +41,29 @@ impl Execution<'_> {
             () if self.state.feed_unit == FeedUnit::InverseTime => {
                 Some("probing needs a feed per minute, not inverse time")
             }
-            () if end == self.state.position => Some("the probing move has no travel"),
+            () if end == self.state.position && !self.is_probe_without_alarm() => {
+                Some("the probing move has no travel")
+            }
             () => None,
         };
         if let Some(message) = refusal {
             self.probe_error(span, message);
         } else if let Some(feed) = self.cutting_feed(axes) {
-            self.findings.push_with(code::PROBE_UNKNOWN, |code| {
-                Finding::new(code, span, "where the probe finds its contact is not known: the whole travel is the path")
-            });
-            self.emit_move(MoveKind::Cutting, &end, None, feed);
+            if end != self.state.position {
+                self.findings.push_with(code::PROBE_UNKNOWN, |code| {
+                    let message = "where the probe finds its contact is not known: the whole travel is the path";
+                    Finding::new(code, span, message)
+                });
+                self.emit_move(MoveKind::Cutting, &end, None, feed);
+            }
         }
         self.state.probed = Some(end);
         self.state.position = end;
+    }
+
+    /// `G38.3` and `G38.5`, which raise no alarm: without a travel LinuxCNC takes the present place for their result.
+    fn is_probe_without_alarm(&self) -> bool {
+        self.state.motion == Motion::Probe && matches!(self.state.motion_code, 383 | 385)
     }
 
     #[cold]

@@ -93,4 +93,31 @@ fn a_probing_move_is_its_full_travel() {
     check(&mill(), "G31 F10\nG31 Z-5 R1.", "line 0 -> Z-5 @10/min\nw 2:1+11 PRG-PROBE");
     check(&mill(), "G31 Z-5 R2. F10", "w 1:1+15 PRG-PROBE\n! 1:9+3 PRG-WORD-UNUSED");
     check(&linuxcnc(), "G38.2 X5", "! 1:1+8 PRG-FEED-MISSING");
+    for program in ["G38.4 X0 F100", "G31 X0 F100"] {
+        check(
+            &if program.starts_with("G31") { mill() } else { linuxcnc() },
+            program,
+            &format!("! 1:1+{} PRG-PROBE", program.len()),
+        );
+    }
+    // Without alarm it needs no travel, and its result is the present place.
+    check(
+        &linuxcnc(),
+        "G0 X3 A5\nG38.3 X3 A5 F100\nG38.5 X3\nX4\nG0 Y#5061",
+        "rapid 0 -> X3 A5
+         line X3 A5 -> X4 A5 @100/min
+         rapid X4 A5 -> X4 Y4 A5
+         w 4:1+2 PRG-PROBE
+         w 5:5+5 PRG-PARAMETER-PROBED",
+    );
+}
+
+/// A job that brings what the probe finds has a program that asks for it carried out.
+#[test]
+fn results_of_probes_come_with_the_job() {
+    let program = "G38.3 X0 F100\nO1 if [#5070 EQ 1]\nG0 X#5061\nO1 endif";
+    check(&linuxcnc(), program, "! 2:8+5 PRG-PARAMETER-UNAVAILABLE");
+    let mut settings = linuxcnc();
+    settings.parameters.numbered = [(5_070, 1.0), (5_061, 7.5)].into();
+    check(&settings, program, "rapid 0 -> X7.5");
 }
