@@ -36,6 +36,12 @@ fn is_label(number: Number) -> bool {
     f64::from(whole) == number.value() && whole <= LARGEST_LABEL as u32
 }
 
+/// Whether a number is a line number of LinuxCNC with a fraction (`N10.5`), which only tells lines apart.
+fn is_divided_label(number: Number) -> bool {
+    let has_whole_part = number.has_point() && number.integer_digits() > 0;
+    has_whole_part && (0.0..=LARGEST_LABEL).contains(&number.value())
+}
+
 /// Whether this is a number behind two or more signs.
 fn is_number_of_signs(text: &[u8]) -> bool {
     let text = text.trim_ascii();
@@ -504,6 +510,7 @@ impl Block {
                     finding
                 });
             }
+            Letter::Label if letter == b'N' && table.dialect.is_linuxcnc && is_divided_label(number) => {}
             Letter::Label if !is_label(number) => return self.report_label(token, findings),
             Letter::Label => {}
             _ if number.value().abs() > LARGEST_NUMBER => {
