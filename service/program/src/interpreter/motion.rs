@@ -72,7 +72,7 @@ impl Execution<'_> {
             return self.angle_motion(word, axes);
         }
         let curve_words = self.block.letters & !self.used & curve_letters(self.state.motion);
-        if frame == Frame::Machine && !self.block.unclear {
+        if frame == Frame::Machine && !self.block.unclear && !self.is_bare_machine_code(axes) {
             if self.is_wrong_machine_motion(axes) {
                 self.used |= CURVE_LETTERS;
                 if self.state.motion == Motion::Nurbs {
@@ -321,6 +321,12 @@ impl Execution<'_> {
         })
     }
 
+    /// `G53 G0` without axes, which LinuxCNC takes for the motion code alone; `G53` by itself is refused there.
+    fn is_bare_machine_code(&self, axes: u32) -> bool {
+        let is_straight = matches!(self.code(Group::Motion), Some((Meaning::Rapid | Meaning::Linear, _)));
+        axes == 0 && is_straight && self.table.dialect.is_linuxcnc && self.state.absolute
+    }
+
     /// Whether `G53` cannot be carried out, which is then reported.
     pub(super) fn is_wrong_machine_motion(&mut self, axes: u32) -> bool {
         let Some((_, span)) = self.code(Group::NonModal) else {
@@ -346,7 +352,15 @@ impl Execution<'_> {
             | Motion::RigidTap => "machine coordinates go with G0 or G1 only",
             _ => return false,
         };
-        self.findings.push_with(code::MACHINE_MOTION, |code| Finding::new(code, span, message));
+        self.findings.push_with(code::MACHINE_MOTION, |code| {
+            let finding = Finding::new(code, span, message);
+            match axes {
+                0 => finding.suggest(
+                    "name the axes, such as G53 G0 Z0, or remove it: it holds for its block only and moves nothing",
+                ),
+                _ => finding,
+            }
+        });
         true
     }
 
