@@ -181,7 +181,8 @@ impl Execution<'_> {
                 if self.settings.dialect == DialectName::Mill {
                     self.state.compensation.number = Some(number);
                 }
-                Some(number)
+                // The row 0 of LinuxCNC's table is the spindle.
+                Some(if number == 0 && self.is_linuxcnc_dialect() { self.state.tool } else { number })
             }
             (DialectName::Mill | DialectName::Lathe, None) => self.state.compensation.number,
             (DialectName::LinuxCnc, None) => Some(self.state.tool),

@@ -54,19 +54,23 @@ impl Execution<'_> {
             let on_line = self.state.tool_control.on_line;
             return self.length_nested(span, "tool centre point control", on_line);
         }
-        let number = match word {
+        let named = match word {
             Some(word) => match self.whole(&word) {
-                Some(number) => number,
+                Some(number) => Some(number),
                 None => return,
             },
+            None => None,
+        };
+        let number = match named {
             // In LinuxCNC it is the tool in the spindle, and none has no length.
-            None if self.is_linuxcnc_dialect() => match self.state.tool {
+            None | Some(0) if self.is_linuxcnc_dialect() => match self.state.tool {
                 0 => {
                     let none = LengthCompensation { is_on: true, on_line: span.line, ..LengthCompensation::default() };
                     return self.switch_length(none, span);
                 }
                 tool => tool,
             },
+            Some(number) => number,
             None if self.settings.coordinates.length_of_tool => self.state.tool,
             // H is modal, as the length is.
             None => self.state.length.number,
@@ -84,7 +88,7 @@ impl Execution<'_> {
                     .suggest("switch the compensation off with G49")
             });
         }
-        if let Some(word) = word {
+        if let Some(word) = word.filter(|_| named != Some(0)) {
             self.check_length_of_tool(&word, number);
         }
         let Some(length_mm) = self.known_length_mm(number, span) else { return };

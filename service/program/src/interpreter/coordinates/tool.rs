@@ -71,7 +71,13 @@ impl Execution<'_> {
                 return self.coord(code::LENGTH_NUMBER, span, message, "add H with the number of the tool");
             };
             let Some(number) = self.whole(&word) else { return };
-            let Some(more) = self.tool_row(number).map(|row| row.total().unwrap_or_default()) else {
+            // The row 0 of LinuxCNC's table is the spindle.
+            let number = if number == 0 { self.state.tool } else { number };
+            let more = match number {
+                0 => Some(Position::default()),
+                _ => self.tool_row(number).map(|row| row.total().unwrap_or_default()),
+            };
+            let Some(more) = more else {
                 return self.unknown_offset(number, span, "the tool is not in the table of tools");
             };
             for (offset, more) in offset.iter_mut().zip(more) {

@@ -51,3 +51,42 @@ fn motion_codes_without_words() {
     check(&linuxcnc(), "G38.2 F10", "! 1:1+9 PRG-PROBE");
     check(&mill(), "G2 F100", "");
 }
+
+#[test]
+fn a_line_number_may_have_a_fraction() {
+    check(&linuxcnc(), "N10 G0 X1\nN10.5 X2\nN10.1234567 X3", "rapid 0 -> X1\nrapid X1 -> X2\nrapid X2 -> X3");
+    check(&linuxcnc(), "N.5 G0 X1", "! 1:1+3 PRG-NUMBER-NOT-WHOLE");
+    check(&linuxcnc(), "N-1.5 G0 X1", "! 1:1+5 PRG-NUMBER-NOT-WHOLE");
+    check(&mill(), "N10.5 G0 X1", "! 1:1+5 PRG-NUMBER-NOT-WHOLE");
+    check(&linuxcnc(), "N10 N20 G0 X1", "! 1:5+3 PRG-WORD-DUPLICATE");
+}
+
+#[test]
+fn machine_coordinates_without_axes_are_a_motion_code() {
+    check(
+        &linuxcnc(),
+        "G1 X1 F10\nG53 G0\nX2\nG53 G1\nX3",
+        "line 0 -> X1 @10/min\nrapid X1 -> X2\nline X2 -> X3 @10/min",
+    );
+    for program in ["G0\nG53", "G0\nG53 F100", "G0 G91\nG53 G0"] {
+        let (_, findings) = interpret(format!("{program}\nM2\n").as_bytes(), linuxcnc());
+        let found: Vec<_> = findings.findings().iter().map(|finding| finding.code).collect();
+        assert_eq!(found, ["PRG-MACHINE-MOTION"], "{program}");
+    }
+}
+
+/// The row 0 of the table of tools is the spindle.
+#[test]
+fn row_0_is_the_tool_in_the_spindle() {
+    check(&linuxcnc(), "G43 H0\nG43.2 H0\nG0 Z1", "rapid 0 -> Z1");
+    check(&linuxcnc(), "T2 M6\nG43 H0\nG0 Z1", "tool 2.0\nrapid Z-50 -> Z1");
+    check(&linuxcnc(), "T2 M6\nG43.1 Z1\nG43.2 H0\nG0 Z1", "tool 2.0\nrapid Z-51 -> Z1");
+    let tools = vec![ToolOffset::new(2).with_length(50.0).with_radius(3.0)];
+    let interpreter = Interpreter::new(linuxcnc()).with_tools(tools);
+    let (operations, findings) = interpreter.read_all(b"T2 M6\nG41 D0 G1 X20 F10\nY50\nG40 X60\nM2\n");
+    assert!(!findings.has_errors(), "{:?}", findings.findings());
+    assert!(
+        operations.iter().map(render_operation).any(|line| line == "line X17 -> X17 Y50 @10/min"),
+        "{operations:?}"
+    );
+}
