@@ -6,6 +6,7 @@ mod corner;
 mod defect;
 mod machine;
 mod plain;
+mod polar;
 
 use crate::code;
 use crate::dialect::{Code, CodeTable, Flow, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
@@ -21,6 +22,7 @@ use corner::CommaWords;
 use machine::MachineWords;
 
 pub(crate) use machine::MachineWord;
+pub(crate) use polar::PolarWords;
 
 /// Numbers beyond this are mistakes: a thousand kilometres. It keeps all later arithmetic finite.
 const LARGEST_NUMBER: f64 = 1e9;
@@ -107,6 +109,7 @@ pub(crate) struct Block {
     /// What of the line is no word: a control statement, or the arguments of a macro.
     pub(crate) rest: Option<Rest>,
     commas: CommaWords,
+    polar: Option<PolarWords>,
     /// A leading `%`.
     pub(crate) percent: Option<SourceSpan>,
     /// Something in the block could not be understood, so that what its words mean together is unknown.
@@ -142,6 +145,7 @@ impl Default for Block {
             machine: MachineWords::default(),
             rest: None,
             commas: CommaWords::default(),
+            polar: None,
             percent: None,
             unclear: false,
             unread: 0,
@@ -293,7 +297,12 @@ impl Block {
                 TokenKind::Percent if self.extent.0 == u32::MAX && self.percent.is_none() => {
                     self.percent = Some(self.span_of(token.start, token.end));
                 }
-                TokenKind::Polar if table.dialect.is_linuxcnc => self.report_polar(line, token, findings),
+                TokenKind::Polar if table.dialect.is_linuxcnc => {
+                    self.read_polar(line, token, table, system, findings);
+                    if self.has_failed {
+                        return;
+                    }
+                }
                 TokenKind::UnclosedComment => {
                     self.report_defect(line, token, findings);
                     self.check_comment(line, token, table, findings);
@@ -303,6 +312,9 @@ impl Block {
         }
         if !self.assignments.is_empty() {
             self.check_assignments(table, findings);
+        }
+        if self.polar.is_some() {
+            self.take_polar(table, system.state.plane, findings);
         }
     }
 
@@ -341,6 +353,7 @@ impl Block {
         self.machine.clear();
         self.rest = None;
         self.commas.clear();
+        self.polar = None;
         self.percent = None;
         self.unclear = false;
         self.unread = 0;

@@ -157,7 +157,7 @@ impl Block {
     }
 
     /// What is worth saying about an expression.
-    fn note(&self, notes: &[Note], findings: &mut FindingLog) {
+    pub(super) fn note(&self, notes: &[Note], findings: &mut FindingLog) {
         for note in notes {
             let (code, message, cure) = note.text();
             let span = self.span_of(note.start as u32, note.end as u32);
@@ -211,7 +211,7 @@ impl Block {
 
 /// Refuses what is in a token behind the value that was read, as where a dialect wants brackets around operations: nothing
 /// of a value is left out in silence.
-fn nothing_between(line: &[u8], read_to: usize, end: usize, cure: &'static str) -> Result<(), Box<Defect>> {
+pub(super) fn nothing_between(line: &[u8], read_to: usize, end: usize, cure: &'static str) -> Result<(), Box<Defect>> {
     if line[read_to.min(end)..end].iter().all(|byte| matches!(byte, b' ' | b'\t')) {
         return Ok(());
     }

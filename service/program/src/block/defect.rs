@@ -163,18 +163,6 @@ impl Block {
     }
 
     #[cold]
-    pub(super) fn report_polar(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
-        let (text, what) = match line[token.start as usize] {
-            b'@' => ("@", "the radius"),
-            _ => ("^", "the angle"),
-        };
-        self.defect(code::POLAR_WORD, token, findings, |mut finding| {
-            finding.message = format!("{text} is {what} of a polar coordinate, which is not read");
-            finding.suggest("write the end as X and Y, such as X[10 * COS[30]] Y[10 * SIN[30]] for @10 ^30")
-        });
-    }
-
-    #[cold]
     pub(super) fn report_lookalike(&mut self, line: &[u8], stretch: &Stretch, findings: &mut FindingLog) {
         let Stretch { start, end, text, is_certain } = stretch;
         self.unclear = true;

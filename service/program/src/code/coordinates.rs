@@ -64,11 +64,11 @@ crate::finding_codes! {
     }
 
     "PRG-POLAR-WORD" [POLAR_WORD: Error] {
-        meaning: "a polar word of LinuxCNC, `@` or `^`",
-        cause: "They place the end of a move by its distance from the origin and its angle, both of which other words of the block \
-                change; they are not carried out.",
-        cure: "Write the end of the move as X and Y, with expressions where that is shorter.",
-        example: linuxcnc("G0 @10 ^30"),
+        meaning: "a polar word of LinuxCNC, `@` or `^`, that places nothing",
+        cause: "Polar words place the end of a move in the plane XY. They stand beside X or Y, in another plane or with a \
+                one-block code, or a radius or an increment is counted from the origin, which has no angle.",
+        cure: "Write `@` and `^`, or X and Y, in a block with a move and no such code.",
+        example: linuxcnc("G0 @10 ^30 X5"),
     }
 
     "PRG-OFFSET-IN-FORCE" [OFFSET_IN_FORCE: Error] {

@@ -405,9 +405,7 @@ impl Execution<'_> {
             } else if let Some(step_deg) = hole.polar_step_deg.filter(|_| number > 0) {
                 self.next_polar_hole(&mut at, step_deg);
             } else if number > 0 {
-                for (value, step) in at.iter_mut().zip(&hole.step) {
-                    *value += step;
-                }
+                self.next_hole(hole, &mut at);
             }
             let here = self.state.position[axis];
             let level = if self.is_linuxcnc() && !(number == 0 && here > hole.r) { hole.clear } else { here };

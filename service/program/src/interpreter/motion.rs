@@ -1,5 +1,6 @@
 //! Motion of one block: where it ends, and the move there.
 
+mod polar;
 mod target;
 
 use super::execute::Execution;

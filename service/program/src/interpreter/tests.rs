@@ -22,6 +22,7 @@ mod one_cause;
 mod order;
 mod parameters;
 mod path_control;
+mod polar_words;
 mod refused_words;
 mod requests;
 mod splines;

@@ -1,6 +1,7 @@
 //! Holes in coordinates other than plain ones: what is refused where they are transformed, and steps of an angle in polar ones.
 
 use super::super::execute::Execution;
+use super::Hole;
 use crate::code;
 use crate::coordinates::direction;
 use crate::state::Cycle;
@@ -49,6 +50,16 @@ impl Execution<'_> {
             "repeats with an incremental radius in polar coordinates: controls differ in the pole of the further holes",
             "write each hole in a block of its own",
         );
+    }
+
+    /// The next hole of a row; under polar words of LinuxCNC, which start from the hole before.
+    pub(super) fn next_hole(&mut self, hole: &Hole, at: &mut Position) {
+        if let Some(words) = self.block.polar().copied() {
+            return self.place_polar(&words, at);
+        }
+        for (value, step) in at.iter_mut().zip(&hole.step) {
+            *value += step;
+        }
     }
 
     /// The next hole on the circle.

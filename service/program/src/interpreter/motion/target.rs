@@ -3,18 +3,26 @@
 use super::super::execute::Execution;
 use super::{Frame, set_bits};
 use crate::code;
-use crate::dialect::Letter;
+use crate::dialect::{Letter, letter_bit};
 use crate::state::ToolMode;
 use crate::{Axis, Finding, Position};
+
+/// The letters in whose place polar words of LinuxCNC are.
+const PLANE_LETTERS: u32 = letter_bit(b'X') | letter_bit(b'Y');
 
 impl Execution<'_> {
     /// The position after the axis words in the mask `axes`, which are used by this.
     #[inline]
-    pub(in crate::interpreter) fn target(&mut self, axes: u32, frame: Frame) -> Position {
+    pub(in crate::interpreter) fn target(&mut self, mut axes: u32, frame: Frame) -> Position {
         let more = self.state.coords.due.is_some().then(|| self.take_up_due(axes, frame));
         let coords = &self.state.coords;
         let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;
         let mut end = self.state.position;
+        if let Some(words) = self.block.polar().copied() {
+            self.used |= axes & PLANE_LETTERS;
+            self.place_polar(&words, &mut end);
+            axes &= !PLANE_LETTERS;
+        }
         if is_plain && self.state.tool_control.held.is_empty() {
             self.plain_target(axes, &mut end);
         } else {

@@ -86,7 +86,7 @@ fn row_0_is_the_tool_in_the_spindle() {
     let (operations, findings) = interpreter.read_all(b"T2 M6\nG41 D0 G1 X20 F10\nY50\nG40 X60\nM2\n");
     assert!(!findings.has_errors(), "{:?}", findings.findings());
     assert!(
-        operations.iter().map(render_operation).any(|line| line == "line X17 -> X17 Y50 @10/min"),
+        operations.iter().map(render_operation).any(|line| line == "line X17 Y3 -> X17 Y50 @10/min"),
         "{operations:?}"
     );
 }

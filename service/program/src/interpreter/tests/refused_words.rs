@@ -9,14 +9,34 @@ fn codes(settings: &LanguageSettings, program: &str) -> Vec<&'static str> {
 }
 
 #[test]
-fn polar_words_of_linuxcnc_have_one_finding_each() {
-    for (program, count) in
-        [("G0 @10 ^30", 2), ("G0 @10", 1), ("G1 X1 ^-30.5 F100", 1), ("G0 @[1+2] ^#5", 2), ("G0 @ 10", 1)]
-    {
-        assert_eq!(codes(&linuxcnc(), program), vec!["PRG-POLAR-WORD"; count], "{program}");
+fn polar_words_that_place_nothing_are_refused() {
+    for program in [
+        "G0 @10",
+        "G0 X1 @",
+        "G1 X1 ^-30.5 F100",
+        "G0 Y1 @5",
+        "G0 @1 @2 ^3",
+        "G91 G0 @10 ^0",
+        "G91 G0 ^10",
+        "G18\nG0 @5 ^0",
+        "G18\nG17 G0 @5 ^0",
+        "G53 G0 @10 ^0",
+        "G28 @10 ^0",
+        "G30 @1",
+        "G92 @10 ^0",
+        "G52 @1",
+        "G10 L2 P1 @5",
+        "G10 L20 P1 @1 ^2",
+        "G43.1 @1",
+        "G4 P1 @1",
+        "G0\nG4 P1 @1 ^0",
+        "G80 @5 ^1",
+        "G18 M3 S100\nG76 @5 Z1",
+    ] {
+        assert_eq!(codes(&linuxcnc(), program), ["PRG-POLAR-WORD"], "{program}");
     }
+    assert_eq!(codes(&linuxcnc(), "@1 ^2"), ["PRG-MOTION-MISSING"]);
     assert_eq!(codes(&mill(), "G0 X1 @10"), ["PRG-CHARACTER"]);
-    assert_eq!(codes(&linuxcnc(), "G0 X1 @"), ["PRG-POLAR-WORD"]);
 }
 
 #[test]
