@@ -340,9 +340,8 @@ impl Execution<'_> {
             {
                 false
             }
-            (Group::Motion, Meaning::Turning(cycle)) => {
-                is_linuxcnc && cycle != TurningCycle::Finish || !cycle.has_contour()
-            }
+            // LinuxCNC compensates the contour while it reads it, and goes astray.
+            (Group::Motion, Meaning::Turning(cycle)) => is_linuxcnc || !cycle.has_contour(),
             (Group::Motion, meaning) => !matches!(meaning, Meaning::Rapid | Meaning::Linear | Meaning::Arc { .. }),
             _ => false,
         }

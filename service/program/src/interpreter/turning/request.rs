@@ -99,7 +99,8 @@ impl Execution<'_> {
         }
         let finishes = cycle == TurningCycle::Finish;
         let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
-        if is_linuxcnc && !finishes && self.is_cycle_on_contour("a roughing cycle") {
+        let what = if finishes { "a finishing cycle" } else { "a roughing cycle" };
+        if is_linuxcnc && self.is_cycle_on_contour(what) {
             return;
         }
         let needs_feed = job != Some(Job::Finish);

@@ -196,3 +196,17 @@ fn corners_of_the_contour() {
         assert_eq!(codes(&g7(), &program), ["PRG-CORNER"], "{contour}");
     }
 }
+
+/// The reference refuses G71 there, and goes astray with G70 before it refuses it.
+#[test]
+fn no_cycle_is_compensated() {
+    let contour =
+        "G18 G8 F100\no100 sub\nG0 X10\nG1 Z-10\nX15 Z-15\nZ-30\nX25\no100 endsub\nG0 X40 Z10\nG42.1 D0.8 L2 G0 X30 Z2";
+    for cycle in ["G70 Q100", "G71 Q100 I4 R1 D0.5", "G72 Q100 I4 R1 D0.5"] {
+        let program = format!("{contour}\n{cycle}\nG40 G0 X40 Z10");
+        let (_, findings) = interpret(format!("{program}\nM2\n").as_bytes(), linuxcnc());
+        let errors: Vec<_> = findings.findings().iter().filter(|it| it.severity == Severity::Error).collect();
+        let [error] = errors[..] else { panic!("{cycle}: {errors:?}") };
+        assert!(error.code == "PRG-COMP-BLOCK" && error.message.starts_with(&cycle[..3]), "{cycle}: {error:?}");
+    }
+}
