@@ -116,7 +116,7 @@ impl Note {
             NoteKind::Equality => (
                 code::EXPRESSION_EQUALITY,
                 "numbers that are not whole are compared for equality; they count as equal within 1e-9",
-                "compare the difference with a tolerance, or compare with GE or LE",
+                "compare the difference with a tolerance, such as ABS[#1-2.5] LT 0.001",
             ),
             NoteKind::Probe => (
                 code::PARAMETER_PROBED,

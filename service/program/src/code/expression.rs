@@ -58,7 +58,7 @@ crate::finding_codes! {
     "PRG-EXPRESSION-EQUALITY" [EXPRESSION_EQUALITY: Info] {
         meaning: "numbers that are not whole are compared for equality",
         cause: "A control compares about eight digits; here numbers are equal where they differ by at most 1e-9 of their size.",
-        cure: "Compare the difference with a tolerance, or compare with GE or LE.",
+        cure: "Compare the difference with a tolerance, such as `ABS[#1-2.5] LT 0.001`.",
         example: words("`IF [#1 EQ 0.1] GOTO 10`"),
     }
 

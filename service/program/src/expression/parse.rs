@@ -161,8 +161,10 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
     #[inline]
     fn operate(&mut self, operator: &Operator, left: Operand, right: Operand, start: usize) -> Result<Operand> {
         let end = self.at();
+        // Whether a value is vacant is exact.
         if self.rules().has_truth_values
             && matches!(operator.operation, Operation::Equal | Operation::NotEqual)
+            && ![left, right].contains(&Operand::Vacant)
             && [left, right].iter().any(|side| side.or_zero().is_some_and(|value| libm::trunc(value) != value))
         {
             self.context.notes.push(Note { kind: NoteKind::Equality, start, end });

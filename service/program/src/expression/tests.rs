@@ -341,4 +341,11 @@ fn notes_on_equality_and_probes() {
     }
     let notes: Vec<_> = context.notes.iter().map(|note| (note.text().0.name(), note.start, note.end)).collect();
     assert_eq!(notes, [("PRG-EXPRESSION-EQUALITY", 1, 8), ("PRG-PARAMETER-PROBED", 1, 6)]);
+    // Whether a value is vacant is exact, and no cure that compares otherwise asks for it.
+    let mut vacant = self::context(&FANUC, &table);
+    for text in ["[#3 EQ #0]", "[#0 NE #3]", "[#3EQ#8]"] {
+        condition(text.as_bytes(), 0, false, &mut vacant).expect("a condition");
+    }
+    assert!(vacant.notes.is_empty(), "{:?}", vacant.notes);
+    assert!(context.notes.iter().all(|note| !note.text().2.contains("GE")));
 }
