@@ -63,8 +63,8 @@ crate::finding_codes! {
 
     "PRG-MAIN-RETURN" [MAIN_RETURN: Info] {
         meaning: "the main program ends with `M99`, which starts it again on the control",
-        cause: "Bar feeders and pallet machines run a program again and again by `M99`.",
-        cure: "Nothing has to be done: one pass is planned.",
+        cause: "Bar feeders and pallet machines run a program again and again by `M99`; or the file is a subprogram, which returns by it.",
+        cure: "Nothing has to be done: one pass is planned. A subprogram is judged as a part of the program that calls it.",
         example: mill("G0 X1\nM99"),
     }
 }

@@ -125,8 +125,9 @@ crate::finding_codes! {
     "PRG-NO-END" [NO_END_REFUSED: Error, NO_END: Warning] {
         meaning: "the program just stops, without M2, M30 or a closing %: an error in LinuxCNC",
         cause: "The end was forgotten, or the transfer broke off and blocks are missing. LinuxCNC does not run a program \
-              without M2, M30 or a pair of %.",
-        cure: "Check that the program is complete, and end it with M30 (or M2) and %.",
+              without M2, M30 or a pair of %. A file that has nothing but subprograms for others to call is a warning there.",
+        cure: "Check that the program is complete, and end it with M30 (or M2) and %. Name a file of subprograms as a further file of \
+               the program that calls them.",
         example: lathe("G0 X10"),
     }
 

@@ -373,6 +373,11 @@ fn span_of(mark: Mark) -> SourceSpan {
 }
 
 impl FlowState {
+    /// Whether lines were passed over and no block has done anything: those of subprograms of the O-word language.
+    pub(super) const fn has_only_passed_subprograms(&self) -> bool {
+        self.has_jumped && self.moves == 0 && self.codes == 0
+    }
+
     /// Whether something has to be done before the next line.
     #[inline]
     pub(super) const fn waits(&self) -> bool {

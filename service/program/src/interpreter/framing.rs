@@ -142,9 +142,17 @@ impl Interpreter {
         let line = self.state.lines.saturating_sub(self.state.blank_lines).max(1);
         let column = self.state.last_line_bytes.saturating_add(1);
         let span = SourceSpan { program: self.state.place.program, line, column, length: 0 };
-        let code = if self.table.dialect.is_linuxcnc { code::NO_END_REFUSED } else { code::NO_END };
-        findings.push_with(code, |code| {
-            Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
+        let is_called = self.state.flow.has_only_passed_subprograms();
+        let is_refused = self.table.dialect.is_linuxcnc && !is_called;
+        let code = if is_refused { code::NO_END_REFUSED } else { code::NO_END };
+        findings.push_with(code, |code| match is_called {
+            true => {
+                let message = "the file has no end and does nothing but define subprograms, which other programs call";
+                Finding::new(code, span, message).suggest(
+                    "name it as a further file of the program that calls them, or end it with M2 if it is run itself",
+                )
+            }
+            false => Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %"),
         });
         self.state.skipping_line = false;
         self.end(span, operations, findings);

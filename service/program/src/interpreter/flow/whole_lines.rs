@@ -21,7 +21,9 @@ impl Interpreter {
         self.settle(operations, findings);
         if let Some(span) = self.state.flow.restarts_at.take() {
             findings.push_with(code::MAIN_RETURN, |code| {
-                Finding::new(code, span, "the control starts the program again here; one pass of it is planned")
+                Finding::new(code, span, "the control starts the program again here; one pass of it is planned").suggest(
+                    "where the file is a subprogram, this is its return: name it as a further file of the program that calls it",
+                )
             });
             self.end(span, operations, findings);
             self.state.reported.trailing = true;

@@ -11,6 +11,10 @@ fn a_program_has_an_end() {
     assert_eq!(found("G0 X1\n", linuxcnc()), ["! 1:6+0 PRG-NO-END"]);
     assert_eq!(found("%\nG0 X1\n", linuxcnc()), ["! 2:6+0 PRG-NO-END"]);
     assert_eq!(found("G0 X1\n", mill()), ["w 1:6+0 PRG-NO-END"]);
+    // Only subprograms, which others call.
+    assert_eq!(found("(c)\nO<a> sub\nG1 X#1\nO<a> endsub\n", linuxcnc()), ["w 4:1+0 PRG-NO-END"]);
+    assert_eq!(found("O1 sub\nO1 endsub\nG0 X1\n", linuxcnc()), ["! 3:6+0 PRG-NO-END"]);
+    assert_eq!(found("O1 sub\nG0 X1\nO1 endsub\nO1 call\n", linuxcnc()), ["! 4:1+0 PRG-NO-END"]);
     for program in ["%\nG0 X1\n%\n", "G0 X1\nM2\n", "G0 X1 M30\n"] {
         assert!(found(program, linuxcnc()).is_empty(), "{program}");
     }
