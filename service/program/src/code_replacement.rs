@@ -78,7 +78,7 @@ fn code_problem(given: &CodeReplacement, earlier: &[CodeReplacement], table: &Co
         return Some(format!("must be a G or M code, such as M6, is {shown:?}"));
     };
     if !CodeTable::has_place_for(letter, number) {
-        return Some(format!("must be G0 to G999.9, or M0 to M999, is {shown}"));
+        return Some(format!("must be G0 to G9999.9, or M0 to M9999, is {shown}"));
     }
     if earlier.iter().any(|other| other.replaced() == Some((letter, number))) {
         return Some(format!("{shown} is listed twice"));

@@ -349,7 +349,7 @@ pub(crate) enum Motion {
     /// After a code that another control reads as a cycle: axis words are refused until the next motion code.
     Doubtful {
         /// Code number in tenths.
-        tenths: u16,
+        tenths: u32,
         line: u32,
     },
     /// After a finding about the motion mode: axis words are followed silently until the next motion code.

@@ -11,8 +11,8 @@ use super::{Code, Dialect, Group, MachineRule, Meaning, letter_bit, machine_code
 use crate::code_replacement::Replacement;
 use crate::{DialectName, Function, FunctionCodes, LanguageSettings};
 
-/// Codes from this number of tenths on are unknown.
-const CODE_TENTHS: usize = 10_000;
+/// Codes from this number of tenths on are unknown: controls call macros by codes up to 9999.
+const CODE_TENTHS: usize = 100_000;
 
 /// Codes below this number of tenths are found by index; above it are those that a profile chose, which are few.
 const INDEXED_TENTHS: usize = 2_000;
@@ -38,7 +38,7 @@ pub(crate) struct CodeTable {
     /// Place in `codes` by number in tenths, G codes first, then M codes.
     index: Box<[u8; 2 * INDEXED_TENTHS]>,
     /// Letter, number in tenths and place of the codes above the index; of several with one number the last counts.
-    above_index: Vec<(u8, u16, u8)>,
+    above_index: Vec<(u8, u32, u8)>,
     /// The known G codes and M codes for suggestions, written once: a loop may ask for them at every round.
     known: [OnceLock<String>; 2],
 }
@@ -84,7 +84,7 @@ impl CodeTable {
         });
         for (place, (letter, tenths, replacement)) in replaced.collect::<Vec<_>>().into_iter().enumerate() {
             self.replacements.push(replacement);
-            let code = code(tenths as u16, Group::NonModal, Meaning::Replaced(place as u8));
+            let code = code(tenths as u32, Group::NonModal, Meaning::Replaced(place as u8));
             self.add(letter, core::iter::once(code));
         }
     }
@@ -117,7 +117,7 @@ impl CodeTable {
     fn add(&mut self, letter: u8, codes: impl Iterator<Item = Code>) {
         codes.for_each(|code| {
             let place = self.codes.len() as u8;
-            match usize::from(code.tenths) {
+            match code.tenths as usize {
                 tenths @ ..INDEXED_TENTHS => self.index[first_index(letter) + tenths] = place,
                 _ => self.above_index.push((letter, code.tenths, place)),
             }
@@ -137,7 +137,7 @@ impl CodeTable {
             let place = self.index[first_index(letter) + tenths];
             return (place != NO_CODE).then_some(place);
         }
-        let is_meant = |it: &&(u8, u16, u8)| it.0 == letter && usize::from(it.1) == tenths;
+        let is_meant = |it: &&(u8, u32, u8)| it.0 == letter && it.1 as usize == tenths;
         self.above_index.iter().rev().find(is_meant).map(|it| it.2)
     }
 
@@ -186,7 +186,7 @@ impl CodeTable {
 pub(crate) fn carries_out_g_code(settings: &LanguageSettings, number: f64) -> bool {
     let codes = Dialect::of(settings).g_codes().chain(system_codes(settings));
     let Some(number) = tenths(number) else { return false };
-    let last = codes.filter(|code| usize::from(code.tenths) == number).last();
+    let last = codes.filter(|code| code.tenths as usize == number).last();
     last.is_some_and(|code| code.meaning.is_carried_out())
 }
 
@@ -200,13 +200,13 @@ fn function_codes(function: Function, codes: FunctionCodes) -> impl Iterator<Ite
 /// A profile's code, which may have come through arithmetic; the nearest tenth is meant.
 fn function_code(number: f64, meaning: Meaning) -> Option<Code> {
     let number = (number * 10.0).round() / 10.0;
-    tenths(number).map(|tenths| code(tenths as u16, Group::Function, meaning))
+    tenths(number).map(|tenths| code(tenths as u32, Group::Function, meaning))
 }
 
 /// Whether a dialect, apart from any profile's function codes, knows the M code of this number.
 pub(crate) fn knows_m_code(dialect: DialectName, number: f64) -> bool {
     let mut codes = Dialect::of(&LanguageSettings { dialect, ..LanguageSettings::default() }).m_codes();
-    tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number))
+    tenths(number).is_some_and(|number| codes.any(|code| code.tenths as usize == number))
 }
 
 /// Where the codes of a letter begin in the index.

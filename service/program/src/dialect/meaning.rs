@@ -318,7 +318,7 @@ impl Meaning {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Code {
     /// Code number in tenths: `G43.4` is 434.
-    pub(crate) tenths: u16,
+    pub(crate) tenths: u32,
     pub(crate) group: Group,
     pub(crate) meaning: Meaning,
     /// What another control of this kind makes of the code where axis words follow it.

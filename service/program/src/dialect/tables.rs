@@ -4,13 +4,13 @@ use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherR
 use crate::state::{BoltPattern, Cycle, Pockets, TurningCycle};
 use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, WorkSystem, XWord, expression, parameters};
 
-pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
+pub(super) const fn code(tenths: u32, group: Group, meaning: Meaning) -> Code {
     Code { tenths, group, meaning, other_reading: None }
 }
 
 /// A code that other controls read as something else where axis words follow it.
 pub(super) const fn doubtful(
-    tenths: u16,
+    tenths: u32,
     group: Group,
     meaning: Meaning,
     other_reading: &'static OtherReading,
@@ -29,7 +29,7 @@ const fn system(number: u16) -> WorkSystem {
 /// `G110` to `G129` of Haas controls, for 1 to 20; of them `G112` and `G113` on mills alone.
 const fn haas_offset(number: u16) -> Code {
     match WorkSystem::extended(number) {
-        Some(system) => code(1_090 + 10 * number, Group::WorkOffset, Meaning::HaasWorkOffset(system)),
+        Some(system) => code(1_090 + 10 * number as u32, Group::WorkOffset, Meaning::HaasWorkOffset(system)),
         None => panic!("a table has a wrong number"),
     }
 }

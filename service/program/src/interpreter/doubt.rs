@@ -12,7 +12,7 @@ use crate::{Finding, GCodeSystem, SourceSpan};
 #[derive(Clone, Copy)]
 pub(super) struct Doubt {
     span: SourceSpan,
-    tenths: u16,
+    tenths: u32,
     reading: &'static OtherReading,
 }
 
@@ -58,7 +58,7 @@ impl Execution<'_> {
     }
 
     /// The number of a group's code, tenths.
-    fn code_number(&self, group: Group) -> Option<u16> {
+    fn code_number(&self, group: Group) -> Option<u32> {
         self.block.code(group).map(|word| self.table.code(word.place).tenths)
     }
 
@@ -102,7 +102,7 @@ impl Execution<'_> {
 
     /// Axis words behind a doubtful code in a block before.
     #[cold]
-    pub(super) fn doubtful_before(&mut self, tenths: u16, line: u32) {
+    pub(super) fn doubtful_before(&mut self, tenths: u32, line: u32) {
         self.state.motion = Motion::Unclear;
         let span = self.block.span();
         self.findings.push_with(code::CODE_AMBIGUOUS, |code| {

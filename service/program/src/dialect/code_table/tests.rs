@@ -23,7 +23,7 @@ fn every_code_is_found_by_its_written_number() {
 #[test]
 fn numbers_that_are_no_code() {
     let table = CodeTable::new(&LanguageSettings::default());
-    for number in [-1.0, 0.05, 43.45, 999.9, 1_000.0, 1e9, f64::NAN, f64::INFINITY] {
+    for number in [-1.0, 0.05, 43.45, 999.9, 1_000.0, 9_999.9, 10_000.0, 1e9, f64::NAN, f64::INFINITY] {
         assert_eq!(table.find(b'G', number), None, "{number}");
     }
     assert_eq!(table.find(b'G', 68.2), None, "a mill code");

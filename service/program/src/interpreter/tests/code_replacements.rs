@@ -23,11 +23,11 @@ const BORE: &str = "G0 X50.\nM30\nO9010\nG91 G0 X#24\nG90\nM99";
 
 #[test]
 fn a_code_stands_for_several() {
-    let settings = with(mill(), &[("M13", "M3 M8"), ("M63", "M5 M9"), ("G999.9", "G90 G17"), ("M350", "M4")]);
+    let settings = with(mill(), &[("M13", "M3 M8"), ("M63", "M5 M9"), ("G9999.9", "G90 G17"), ("M9350", "M4")]);
     for (written, meant) in [
         ("M13 S500 G0 X5", "M3 M8 S500 G0 X5"),
         ("S500 M13\nG1 X5 F100 M63", "S500 M3 M8\nG1 X5 F100 M5 M9"),
-        ("G91\nG0 X1\nG999.9 X2\nS100 M350", "G91\nG0 X1\nG90 G17 X2\nS100 M4"),
+        ("G91\nG0 X1\nG9999.9 X2\nS100 M9350", "G91\nG0 X1\nG90 G17 X2\nS100 M4"),
     ] {
         same(&settings, &format!("{written}\nM30"), &format!("{meant}\nM30"));
     }
@@ -37,11 +37,12 @@ fn a_code_stands_for_several() {
 
 #[test]
 fn a_macro_behind_a_code_takes_the_words_behind_it() {
-    let settings = with(mill(), &[("G120", "G65 P9010"), ("M66", "G65 P9010 L2")]);
+    let settings = with(mill(), &[("G120", "G65 P9010"), ("M66", "G65 P9010 L2"), ("G1000", "G65 P9010")]);
     for (written, meant) in [
         ("G120 X2.", "G65 P9010 X2."),
         ("N5 G120 X[1+1] L3 (bore)", "G65 P9010 L3 X2."),
         ("M66 X2.", "G65 P9010 L2 X2."),
+        ("G1000 X2.", "G65 P9010 X2."),
         ("G120", "G65 P9010"),
     ] {
         same(&settings, &format!("G0 X1.\n{written}\n{BORE}"), &format!("G0 X1.\n{meant}\n{BORE}"));
@@ -91,7 +92,7 @@ fn what_cannot_be_replaced_is_said_at_its_field() {
         let settings = LanguageSettings { code_replacements: vec![entry], ..settings };
         code_replacement_problems(&settings).into_iter().map(|(field, message)| format!("{field}: {message}")).collect()
     };
-    for code in ["", "M", "T6", "M6 M7", "M6.5", "M1000", "G1000", "M98", "G65", "M99", "M30", "G200"] {
+    for code in ["", "M", "T6", "M6 M7", "M6.5", "M10000", "G10000", "M98", "G65", "M99", "M30", "G200"] {
         let found = fields(mill(), code, "M3");
         assert!(found.len() == 1 && found[0].starts_with("code_replacements[0].code: "), "{code}: {found:?}");
     }
