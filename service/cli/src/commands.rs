@@ -6,6 +6,7 @@
 
 mod acknowledge;
 mod audit;
+mod called;
 mod client;
 mod data_file;
 pub mod database;

@@ -38,12 +38,15 @@ struct FurtherFile {
     opened: Option<Box<Source>>,
 }
 
-impl FurtherFile {
-    fn source(&mut self) -> Result<&mut Source, CliError> {
-        match &mut self.opened {
-            Some(source) => Ok(source),
-            closed => Ok(closed.insert(Box::new(Source::open(&self.path)?))),
-        }
+/// Opens the further file at a place, and closes the others where many are open: processes have a limit.
+fn opened(files: &mut [FurtherFile], place: usize) -> Result<&mut Source, CliError> {
+    if files[place].opened.is_none() && files.iter().filter(|file| file.opened.is_some()).count() >= MOST_OPEN_FILES {
+        files.iter_mut().for_each(|file| file.opened = None);
+    }
+    let FurtherFile { path, opened, .. } = &mut files[place];
+    match opened {
+        Some(source) => Ok(source),
+        closed => Ok(closed.insert(Box::new(Source::open(path)?))),
     }
 }
 
@@ -57,6 +60,12 @@ pub(super) struct IncludeArgs {
 }
 
 impl IncludeArgs {
+    /// One directory.
+    #[cfg(test)]
+    pub(super) fn of(directory: &Path) -> Self {
+        Self { include: vec![directory.to_owned()] }
+    }
+
     /// Opens a program with the further files.
     pub(super) fn open(&self, path: &Path) -> Result<Source, CliError> {
         self.around(Source::open(path)?)
@@ -78,8 +87,10 @@ impl IncludeArgs {
     }
 }
 
-/// Most further program files, as jobs have.
-const MOST_FURTHER_FILES: usize = feedwave_contract::convert::MAX_PROGRAM_FILES;
+/// Most further program files that are looked among; a job has fewer (`called.rs`).
+const MOST_FURTHER_FILES: usize = 100_000;
+/// Most further program files that are open at a time.
+const MOST_OPEN_FILES: usize = 64;
 /// How deep directories are searched.
 const DEEPEST_DIRECTORY: u32 = 8;
 
@@ -173,15 +184,23 @@ impl Source {
         self.further.iter().map(|file| (file.name.as_str(), file.path.as_path()))
     }
 
-    /// The further program files with their names.
-    pub(super) fn further_files(&mut self) -> impl Iterator<Item = Result<(&str, &mut Self), CliError>> {
-        self.further.iter_mut().map(|file| {
-            let source = match &mut file.opened {
-                Some(source) => source,
-                closed => closed.insert(Box::new(Self::open(&file.path)?)),
-            };
-            Ok((file.name.as_str(), &mut **source))
-        })
+    /// How many further program files there are.
+    pub(super) const fn further_count(&self) -> usize {
+        self.further.len()
+    }
+
+    /// The further program file at a place, with its name.
+    pub(super) fn further_file(&mut self, place: usize) -> Result<(String, &mut Self), CliError> {
+        Ok((self.further[place].name.clone(), opened(&mut self.further, place)?))
+    }
+
+    /// Keeps the further program files at these places, which ascend.
+    pub(super) fn keep_further(&mut self, places: &[usize]) {
+        let mut place = 0;
+        self.further.retain(|_| {
+            place += 1;
+            places.binary_search(&(place - 1)).is_ok()
+        });
     }
 
     /// The program itself for an empty name, or the further file of this name.
@@ -189,7 +208,20 @@ impl Source {
         if name.is_empty() {
             return Ok(Some(self));
         }
-        self.further.iter_mut().find(|file| file.name == name).map(FurtherFile::source).transpose()
+        let place = self.further.iter().position(|file| file.name == name);
+        place.map(|place| opened(&mut self.further, place)).transpose()
+    }
+
+    /// All bytes of the file.
+    pub(super) fn whole(&mut self) -> Result<Vec<u8>, CliError> {
+        self.rewind()?;
+        let mut bytes = Vec::new();
+        loop {
+            match self.next_piece()? {
+                [] => return Ok(bytes),
+                piece => bytes.extend_from_slice(piece),
+            }
+        }
     }
 
     /// Goes back to the first byte.
@@ -206,9 +238,10 @@ impl Source {
     /// Bytes from a place on; none at the end.
     pub(super) fn read(&mut self, place: feedwave_program::Place) -> Result<&[u8], CliError> {
         if let Some(further) = (place.program as usize).checked_sub(1) {
-            let file = self.further.get_mut(further);
-            let file = file.ok_or_else(|| CliError::trouble(format!("there is no further file {further}")))?;
-            return file.source()?.read(feedwave_program::Place { program: 0, ..place });
+            if further >= self.further.len() {
+                return Err(CliError::trouble(format!("there is no further file {further}")));
+            }
+            return opened(&mut self.further, further)?.read(feedwave_program::Place { program: 0, ..place });
         }
         if self.at != place.offset {
             self.seek(place.offset)?;

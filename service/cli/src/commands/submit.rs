@@ -9,6 +9,7 @@ use feedwave_contract::proto::program_file::Source as FileSource;
 use feedwave_contract::proto::{CreateJobRequest, Job, JobState, ProgramFile};
 use feedwave_cutting::tool_oscillation::OscillationRequest;
 
+use super::called::keep_called;
 use super::client::{Client, ServerArgs};
 use super::machine::{Envelope, Mode};
 use super::offsets::OffsetArgs;
@@ -111,21 +112,22 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
     let file_name = args.file.file_name().map(|name| name.to_string_lossy().into_owned());
     let mut inline_bytes = source.size;
     let program = if inline_bytes <= INLINE_BYTES {
-        ProgramSource::InlineProgram(read_whole(source)?)
+        ProgramSource::InlineProgram(source.whole()?.into())
     } else {
         inline_bytes = 0;
         ProgramSource::Program(client.upload(source, file_name.as_deref().unwrap_or_default()).await?)
     };
     let mut programs = Vec::new();
-    for file in source.further_files() {
-        let (name, file) = file?;
+    keep_called(source)?;
+    for place in 0..source.further_count() {
+        let (name, file) = source.further_file(place)?;
         let content = if inline_bytes + file.size <= INLINE_BYTES {
             inline_bytes += file.size;
-            FileSource::InlineProgram(read_whole(file)?)
+            FileSource::InlineProgram(file.whole()?.into())
         } else {
-            FileSource::Program(client.upload(file, name).await?)
+            FileSource::Program(client.upload(file, &name).await?)
         };
-        programs.push(ProgramFile { name: name.to_owned(), source: Some(content) });
+        programs.push(ProgramFile { name, source: Some(content) });
     }
     let oscillation = args.oscillation.request();
     let request = CreateJobRequest {
@@ -149,15 +151,4 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
         tell(&format!("{} is stored, waiting for validation\n", job.name));
     }
     Ok(job)
-}
-
-fn read_whole(source: &mut Source) -> Result<bytes::Bytes, CliError> {
-    source.rewind()?;
-    let mut program = Vec::new();
-    loop {
-        match source.next_piece()? {
-            [] => return Ok(program.into()),
-            piece => program.extend_from_slice(piece),
-        }
-    }
 }

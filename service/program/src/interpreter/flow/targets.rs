@@ -13,6 +13,9 @@ use crate::{Finding, FindingCode, FindingLog, Place};
 /// Most loops of Macro B that may be open within each other.
 const MAX_MACRO_LOOPS: usize = 3;
 
+/// Most further program files that a finding names.
+const MOST_NAMED_FILES: usize = 50;
+
 impl Interpreter {
     /// Carries a jump out, as soon as the programs that it needs are indexed.
     pub(super) fn carry_out(&mut self, pending: &Pending, findings: &mut FindingLog) -> Progress {
@@ -315,10 +318,10 @@ impl Interpreter {
     #[cold]
     fn missing(&self, what: &str, pending: &Pending, findings: &mut FindingLog) -> Progress {
         findings.push_with(code::SUBPROGRAM_MISSING, |code| {
-            let files = if self.programs.is_empty() {
-                "the job has no further program files".to_owned()
-            } else {
-                format!("the further program files are {}", self.programs.join(", "))
+            let files = match self.programs.len() {
+                0 => "the job has no further program files".to_owned(),
+                ..=MOST_NAMED_FILES => format!("the further program files are {}", self.programs.join(", ")),
+                count => format!("none of the {count} further program files is or has it"),
             };
             Finding::new(code, pending.span, format!("there is no {what}; {files}"))
                 .suggest("add the program to the file, or give the job the file that it is in")
