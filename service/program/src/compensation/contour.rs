@@ -314,9 +314,10 @@ impl Contour {
 
     /// Hands on the pending block up to the joint, and what waits behind it.
     fn hand_on(&mut self, pending: Pending, joint: &Joint, sink: &mut Sink) {
+        let is_last = self.is_leaving();
         if !pending.is_broken && !pending.is_beside && !pending.is_entry {
             let Block { span, curve, .. } = pending.block;
-            let gouges = self.window.add(curve, self.mode.radius_mm, pending.place, span.line);
+            let gouges = self.window.add(curve, self.mode.radius_mm, pending.place, span.line, is_last);
             report::gouges(span, gouges, sink.findings);
         }
         let Pending { block: Block { span, mut step, curve }, from, lost_rad, is_entry, is_broken, place, .. } =
@@ -338,7 +339,7 @@ impl Contour {
         if is_backwards && !is_broken {
             report::backwards(span, self.mode.radius_mm, sink.findings);
         } else if !is_broken {
-            let gouges = self.window.pass(path, self.mode.radius_mm, place, span.line);
+            let gouges = self.window.pass(path, self.mode.radius_mm, place, span.line, is_last);
             report::gouges(span, gouges, sink.findings);
         }
         step.arc = path.circle.map(|circle| self.geometry(&circle));
@@ -386,8 +387,13 @@ impl Contour {
         };
         for to in points.into_iter().take(count) {
             let from = minus(self.at, self.mode.reference_mm);
-            let gouges =
-                self.window.pass(Curve { from, to, circle }, self.mode.radius_mm, place.corner(), next.span.line);
+            let gouges = self.window.pass(
+                Curve { from, to, circle },
+                self.mode.radius_mm,
+                place.corner(),
+                next.span.line,
+                false,
+            );
             report::gouges(next.span, gouges, sink.findings);
             self.piece(next, to, circle, sink);
         }

@@ -64,6 +64,17 @@ fn lines_cross(one: &Curve, other: &Curve) -> bool {
     sides(one, other.from, other.to) && sides(other, one.from, one.to)
 }
 
+/// Where two lines cross between their ends; `None` for arcs.
+pub(super) fn crossing(one: &Curve, other: &Curve) -> Option<Point> {
+    let is_straight = one.circle.is_none() && other.circle.is_none();
+    if !is_straight || !lines_cross(one, other) {
+        return None;
+    }
+    let (whole, across) = (minus(one.to, one.from), minus(other.to, other.from));
+    let share = cross(minus(other.from, one.from), across) / cross(whole, across);
+    (share > 0.0 && share < 1.0).then(|| along(one.from, whole, share))
+}
+
 /// Distance where neither end is nearest; infinite where there is no such place.
 fn line_and_arc(line: &Curve, arc: &Curve) -> f64 {
     let Some(circle) = &arc.circle else { return f64::INFINITY };

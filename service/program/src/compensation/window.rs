@@ -108,6 +108,34 @@ pub(super) enum Cut {
 /// The worst cut of each kind, at its place among them.
 pub(super) type Gouges = [Option<Gouge>; 3];
 
+impl Gouge {
+    /// What it is where only this part of the block is a wall of the part.
+    fn of_wall(self, wall: Option<Passed>, path: &Passed, radius: f64) -> Self {
+        match wall {
+            Some(wall) if self.on == Cut::Contour && cut(path, &wall, radius).is_none() => {
+                Self { on: Cut::Lead, ..self }
+            }
+            _ => self,
+        }
+    }
+}
+
+impl Passed {
+    /// A straight block up to a point of it.
+    fn up_to(self, at: Point) -> Self {
+        self.with(Curve::line(self.curve.from, at))
+    }
+
+    /// A straight block from a point of it on.
+    fn behind(self, at: Point) -> Self {
+        self.with(Curve::line(at, self.curve.to))
+    }
+
+    fn with(self, curve: Curve) -> Self {
+        Self { curve, bounds: Bounds::of(&curve), ..self }
+    }
+}
+
 /// The window.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Window {
@@ -149,10 +177,16 @@ impl Window {
         Place { block: self.block, newest, is_link: false }
     }
 
-    /// The tool passes along a curve: the worst cut into what was passed before.
-    pub(super) fn pass(&mut self, curve: Curve, radius: f64, place: Place, line: u32) -> Gouges {
+    /// The tool passes along a curve: the worst cut into what was passed before. `is_last` for the path of the last block, which has
+    /// been added.
+    pub(super) fn pass(&mut self, curve: Curve, radius: f64, place: Place, line: u32, is_last: bool) -> Gouges {
         let passed = Passed { curve, bounds: Bounds::of(&curve), place, line, headings: [0.0; 2] };
-        let worst = worst(&passed, &self.contour, |other| cut(&passed, other, radius));
+        let last = self.contour.back().filter(|_| is_last).map(|last| last.curve);
+        let wall = last.and_then(|last| self.overlap(&last)).map(|(first, at)| first.behind(at));
+        let worst = worst(&passed, &self.contour, |other| {
+            let gouge = cut(&passed, other, radius)?;
+            Some(gouge.of_wall(wall.filter(|wall| wall.place.block == other.place.block), &passed, radius))
+        });
         if self.path.len() == STRETCHES {
             self.path.pop_front();
         }
@@ -160,15 +194,27 @@ impl Window {
         worst
     }
 
-    /// A block of the contour: the worst cut into it by what was passed before.
-    pub(super) fn add(&mut self, curve: Curve, radius: f64, place: Place, line: u32) -> Gouges {
+    /// Where the last block of a contour crosses the first one, both straight: the tool goes on beyond the point where the contour closes,
+    /// so that what is before it in the first block and behind it in the last one is no wall.
+    fn overlap(&self, last: &Curve) -> Option<(Passed, Point)> {
+        let first = self.contour.front().filter(|_| self.contour.len() < BLOCKS)?;
+        let at = distance::crossing(&first.curve, last)?;
+        Some((*first, at))
+    }
+
+    /// A block of the contour: the worst cut into it by what was passed before. `is_last` where it is the last one.
+    pub(super) fn add(&mut self, curve: Curve, radius: f64, place: Place, line: u32, is_last: bool) -> Gouges {
         let end = self.heading;
         let start = end - curve.circle.map_or(0.0, |circle| circle.sweep_rad);
         let headings = [start.min(end), start.max(end)];
         let added = Passed { curve, bounds: Bounds::of(&curve), place, line, headings };
+        let overlap = if is_last { self.overlap(&curve) } else { None };
+        let wall = overlap.map(|(first, at)| (first.place.block, added.up_to(at)));
         let worst = worst(&added, &self.path, |other| {
             let (curve, path) = (&added, other);
-            cut(path, curve, radius).map(|gouge| Gouge { line: other.line, ..gouge })
+            let wall = wall.filter(|(first, _)| *first == path.place.block).map(|(_, wall)| wall);
+            let gouge = cut(path, curve, radius)?.of_wall(wall, path, radius);
+            Some(Gouge { line: other.line, ..gouge })
         });
         if self.contour.len() == BLOCKS {
             self.contour.pop_front();

@@ -48,14 +48,13 @@ impl Execution<'_> {
         };
         if let Some(message) = refusal {
             self.probe_error(span, message);
-        } else if let Some(feed) = self.cutting_feed(axes) {
-            if end != self.state.position {
-                self.findings.push_with(code::PROBE_UNKNOWN, |code| {
-                    let message = "where the probe finds its contact is not known: the whole travel is the path";
-                    Finding::new(code, span, message)
-                });
-                self.emit_move(MoveKind::Cutting, &end, None, feed);
-            }
+        } else if let Some(feed) = self.cutting_feed(axes)
+            && end != self.state.position
+        {
+            self.findings.push_with(code::PROBE_UNKNOWN, |code| {
+                Finding::new(code, span, "where the probe finds its contact is not known: the whole travel is the path")
+            });
+            self.emit_move(MoveKind::Cutting, &end, None, feed);
         }
         self.state.probed = Some(end);
         self.state.position = end;

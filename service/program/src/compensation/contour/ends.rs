@@ -49,7 +49,7 @@ impl Contour {
         if is_beside {
             from = plus(from, self.side().offset(curve.start_tangent()));
             place = self.window.advance(&curve, 0.0);
-            report::gouges(span, self.window.add(curve, radius, place, span.line), sink.findings);
+            report::gouges(span, self.window.add(curve, radius, place, span.line, false), sink.findings);
         }
         if is_beside || is_arc {
             // The reference point moves along an arc only once it is beside the centre of the nose.
@@ -65,11 +65,11 @@ impl Contour {
         {
             pending.place = pending.place.linking(true);
         }
+        self.phase = Phase::Leaving;
         if !matches!(self.mode.rules, CompensationRules::Fanuc { entry: CompensationEntry::B, .. }) {
             self.stand(sink);
         }
         self.span = span;
-        self.phase = Phase::Leaving;
         self.reported = false;
         self.pending.is_none() && self.displacement == [0.0; 2]
     }
@@ -118,7 +118,7 @@ impl Contour {
             self.at = plus(curve.from, self.displacement);
         }
         let path = Curve::line(minus(self.at, self.mode.reference_mm), curve.to);
-        report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line), sink.findings);
+        report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line, false), sink.findings);
         self.place(&mut block.step.start, self.at);
         if !block.step.is_nothing() {
             sink.push(span, block.step);

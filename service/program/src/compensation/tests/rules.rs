@@ -280,6 +280,22 @@ fn a_contour_that_comes_back_to_itself_is_a_warning() {
     assert!((worst.values[0].value - 1.0).abs() < 1e-9, "{gouges:#?}");
 }
 
+/// Beyond the point where a contour closes, neither its first block nor its last one is a wall.
+#[test]
+fn a_contour_that_overlaps_its_start_cuts_nothing() {
+    let gouges = |side: &str, start: &str, rest: &str| {
+        let program = format!("{start}\n{side} D6 G1 X0 Y-10\n{rest}");
+        let (_, findings) = read(&program);
+        assert_eq!(codes(&findings, Severity::Error), [""; 0], "{program}");
+        !codes(&findings, Severity::Warning).is_empty()
+    };
+    let square = "Y50\nX50\nY0\nX-10\nG40 X-30 Y-10";
+    assert!(!gouges("G41.1", "G0 X0 Y-20", square), "outside");
+    assert!(gouges("G42.1", "G0 X0 Y-20", square), "inside the first block is the wall of the last corner");
+    // A last block that comes near the first one without crossing it goes through a neck.
+    assert!(gouges("G42.1", "G0 X0 Y-20", "Y20\nX-10 Y30\nY50\nX15\nY30\nX5 Y20\nY-10\nG40 X2 Y-30"), "a neck");
+}
+
 #[test]
 fn contours_apart_in_height_do_not_meet() {
     let with = |lift: &str, plunge: &str| {

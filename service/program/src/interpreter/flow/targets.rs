@@ -320,7 +320,7 @@ impl Interpreter {
         findings.push_with(code::SUBPROGRAM_MISSING, |code| {
             let files = match self.programs.len() {
                 0 => "the job has no further program files".to_owned(),
-                ..=MOST_NAMED_FILES => format!("the further program files are {}", self.programs.join(", ")),
+                1..=MOST_NAMED_FILES => format!("the further program files are {}", self.programs.join(", ")),
                 count => format!("none of the {count} further program files is or has it"),
             };
             Finding::new(code, pending.span, format!("there is no {what}; {files}"))
