@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::state::{CompensationOn, Motion, ToolMode, TurningCycle};
+use crate::state::{CompensationOn, Motion, ToolMode};
 use crate::{
     CompensationCommand, CompensationMode, CompensationRules, DialectName, Finding, OperationKind, Plane, Position,
     SourceSpan,

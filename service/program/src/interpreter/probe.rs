@@ -3,7 +3,7 @@
 use super::execute::Execution;
 use super::motion::Frame;
 use crate::code;
-use crate::dialect::{FeedUnit, Flow, Letter, letter_bit};
+use crate::dialect::{FeedUnit, Flow, letter_bit};
 use crate::state::Motion;
 use crate::{Axis, Finding, MoveKind, SourceSpan};
 

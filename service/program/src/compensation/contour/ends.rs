@@ -81,7 +81,7 @@ impl Contour {
         }
         let Some(Pending { block: Block { span, mut step, curve }, .. }) = self.pending.take() else { return true };
         let path = Curve::line(minus(self.at, self.mode.reference_mm), curve.to);
-        report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line), sink.findings);
+        report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line, false), sink.findings);
         self.place(&mut step.start, self.at);
         self.at = curve.to;
         if !step.is_nothing() {
