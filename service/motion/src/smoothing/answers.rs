@@ -6,7 +6,7 @@
 //! bit for bit, and the path does not depend on what is remembered.
 //!
 //! That is done of lines in X, Y and Z whose commanded speed is the same everywhere, behind lines and short splines. The corners of others
-//! are tried where they are.
+//! are tried where they are. Likewise a plan for the least time of one corner by itself, whether it is rounded or stopped in.
 
 use std::collections::VecDeque;
 
@@ -15,16 +15,17 @@ use feedwave_program::{Axis, Position, SourceSpan};
 use super::curve::Open;
 use super::joint::Joint;
 use super::origin::{Deviation, Origin};
+use super::stop::Corner;
 use super::trim::distance;
 use super::vector::linear;
-use super::ways::{Trials, Way};
+use super::ways::{Trials, Way, planned_s};
 use super::{Carried, CornerSpeed, Entry, Joining, Passed, PathSmoother, Smoothed};
 use crate::tolerance::{LEAST_ASKED_PIECE_MM, MOST_ANSWERS, MOST_ASKED_ELEMENTS, MOST_ASKED_PIECES, on_grid};
 use crate::{Curve, Element, Machine, Spline};
 
 /// Everything that a decision depends on besides the machine.
 #[derive(Debug, PartialEq)]
-struct Question<T> {
+pub(super) struct Question<T> {
     held: PathSmoother<T>,
     open: Option<Open>,
     corners: Vec<usize>,
@@ -36,37 +37,54 @@ struct Question<T> {
 /// Ways, and the time that was found with them, s.
 type Answer = (Vec<Way>, f64);
 
-/// The last questions and their answers.
+/// A corner by itself in a plan for the least time.
+#[derive(Debug, PartialEq)]
+pub(super) struct CornerQuestion<T> {
+    /// The blocks before and behind it.
+    blocks: [Entry<T>; 2],
+    /// What was pushed along with its curve.
+    carried: T,
+    /// Tolerance and most that is cut from either block, mm.
+    limits_mm: [f64; 2],
+}
+
+/// The last questions on one machine, and their answers.
 #[derive(Debug)]
-pub(super) struct Answers<T> {
-    known: VecDeque<(Question<T>, Answer)>,
+pub(super) struct Answers<Q, A> {
+    known: VecDeque<(Q, A)>,
     /// The machine that they are of, without its travel.
     machine: Option<Machine>,
 }
 
-impl<T> Default for Answers<T> {
+/// How sharp corners of a path were passed.
+pub(super) type WayAnswers<T> = Answers<Question<T>, Answer>;
+
+/// Which corners by themselves were rounded.
+pub(super) type CornerAnswers<T> = Answers<CornerQuestion<T>, bool>;
+
+impl<Q, A> Default for Answers<Q, A> {
     fn default() -> Self {
         Self { known: VecDeque::new(), machine: None }
     }
 }
 
 /// A copy finds its own.
-impl<T> Clone for Answers<T> {
+impl<Q, A> Clone for Answers<Q, A> {
     fn clone(&self) -> Self {
         Self::default()
     }
 }
 
 /// No state: with others the path is the same.
-impl<T> PartialEq for Answers<T> {
+impl<Q, A> PartialEq for Answers<Q, A> {
     fn eq(&self, _: &Self) -> bool {
         true
     }
 }
 
-impl<T: Carried> Answers<T> {
+impl<Q: PartialEq, A: Clone> Answers<Q, A> {
     /// The answer to a question on a machine, found where it is not remembered.
-    fn to(&mut self, question: Question<T>, machine: &Machine) -> Answer {
+    fn to(&mut self, question: Q, machine: &Machine, find: impl FnOnce(&Q, &Machine) -> A) -> A {
         if !self.machine.as_ref().is_some_and(|own| is_same(own, machine)) {
             self.known.clear();
             self.machine = None;
@@ -75,15 +93,82 @@ impl<T: Carried> Answers<T> {
         if let Some((_, answer)) = self.known.iter().rev().find(|(known, _)| *known == question) {
             return answer.clone();
         }
-        let Question { held, open, corners, count, trials, corner_speed } = &question;
-        let joining = Joining { machine, many_blocks: true, corner_speed: *corner_speed, corners: None };
-        let answer = held.quickest(open.as_ref(), corners, *count, trials, joining);
+        let answer = find(&question, machine);
         if self.known.len() >= MOST_ANSWERS {
             self.known.pop_front();
         }
         self.known.push_back((question, answer.clone()));
         answer
     }
+}
+
+impl<T: Carried> Question<T> {
+    fn answer(&self, machine: &Machine) -> Answer {
+        let Self { held, open, corners, count, trials, corner_speed } = self;
+        held.quickest(open.as_ref(), corners, *count, trials, on_machine(machine, *corner_speed))
+    }
+}
+
+impl<T: Carried> CornerQuestion<T> {
+    /// What is to be decided, wherever it lies; `None` where it depends on that.
+    fn of(blocks: [&Entry<T>; 2], carried: &T, limits_mm: [f64; 2]) -> Option<Self> {
+        let [before, next] = blocks;
+        let place = Place { origin: before.element.end, work_offset: before.element.work_offset };
+        let blocks = [place.entry(before)?, place.entry(next)?];
+        Some(Self { blocks, carried: carried.clone(), limits_mm: limits_mm.map(on_grid) })
+    }
+
+    /// Whether it is to be rounded; also where it cannot be, which is found later.
+    fn is_rounded(&self, machine: &Machine) -> bool {
+        let [before, next] = &self.blocks;
+        let Some((elements, rounding)) =
+            before.rounded(next, self.limits_mm, on_machine(machine, CornerSpeed::Changing))
+        else {
+            return true;
+        };
+        let carried = [&before.carried, &self.carried, &next.carried];
+        is_rounded_in_least_time(elements.each_ref(), carried, rounding.cut_mm, machine)
+    }
+}
+
+impl<T: Carried> CornerAnswers<T> {
+    /// Whether a corner between two blocks is to be rounded in a plan for the least time, within a tolerance and with no more cut than
+    /// this, mm: the blocks cut back with its curve, and what was pushed along with that. Corners that are alike get the same answer.
+    pub(super) fn is_rounded(
+        &mut self,
+        blocks: [&Entry<T>; 2],
+        limits_mm: [f64; 2],
+        (elements, carried): (&[Element; 3], &T),
+        (cut_mm, machine): (f64, &Machine),
+    ) -> bool {
+        match CornerQuestion::of(blocks, carried, limits_mm) {
+            Some(question) => self.to(question, machine, CornerQuestion::is_rounded),
+            None => {
+                let carried = [&blocks[0].carried, carried, &blocks[1].carried];
+                is_rounded_in_least_time(elements.each_ref(), carried, cut_mm, machine)
+            }
+        }
+    }
+}
+
+fn is_rounded_in_least_time<T: Carried>(
+    elements: [&Element; 3],
+    carried: [&T; 3],
+    cut_mm: f64,
+    machine: &Machine,
+) -> bool {
+    let [before, curve, after] = elements;
+    let blocks = [(before, before.length + cut_mm), (after, after.length + cut_mm)];
+    let corner = Corner { curve, blocks, cut_mm, command: carried[1].commanded_mm_per_s(curve, machine) };
+    corner.is_rounded_in_least_time(machine, || {
+        let pieces = elements.into_iter().zip(carried).map(|(element, carried)| (element, carried, false));
+        planned_s(pieces, on_machine(machine, CornerSpeed::Changing), &mut Vec::new())
+    })
+}
+
+/// How the corners of a trial are passed.
+fn on_machine(machine: &Machine, corner_speed: CornerSpeed) -> Joining<'_> {
+    Joining { machine, many_blocks: true, corner_speed, corners: None }
 }
 
 fn without_travel(machine: &Machine) -> Machine {
@@ -110,7 +195,7 @@ impl<T: Carried> PathSmoother<T> {
         joining: Joining<'_>,
     ) -> Answer {
         match self.question(open, corners, count, trials, joining.corner_speed) {
-            Some(question) => self.answers.to(question, joining.machine),
+            Some(question) => self.answers.to(question, joining.machine, Question::answer),
             None => self.quickest(open, corners, count, &trials, joining),
         }
     }

@@ -39,7 +39,7 @@ use std::collections::VecDeque;
 use feedwave_program::{Axis, PathControl};
 use serde::{Deserialize, Serialize};
 
-use self::answers::Answers;
+use self::answers::{Answers, CornerAnswers, WayAnswers};
 pub use self::corner::CornerSpeed;
 use self::corner::Rounding;
 use self::curve::Open;
@@ -110,7 +110,10 @@ pub struct PathSmoother<T> {
     is_trial: bool,
     /// How corners were decided that may come again. No state: what it says would be found again.
     #[serde(skip, default = "Answers::default")]
-    answers: Answers<T>,
+    answers: WayAnswers<T>,
+    /// The same of corners by themselves.
+    #[serde(skip, default = "Answers::default")]
+    corners: CornerAnswers<T>,
 }
 
 /// A sharp corner before what is held.
@@ -168,6 +171,7 @@ impl<T> Default for PathSmoother<T> {
             trail: VecDeque::new(),
             is_trial: false,
             answers: Answers::default(),
+            corners: Answers::default(),
         }
     }
 }
@@ -321,7 +325,7 @@ impl<T: Carried> PathSmoother<T> {
             front.joint.stop();
         }
         let next = self.pending.front_mut().filter(|_| !stops);
-        let corner = next.and_then(|next| front.round_corner(next, joining));
+        let corner = next.and_then(|next| front.round_corner(next, joining, &mut self.corners));
         self.give(front.finish(), emit);
         if let Some(corner) = corner {
             self.give(corner, emit);
@@ -412,7 +416,12 @@ impl<T: Carried> Entry<T> {
     }
 
     /// Cuts this element and the next one back for the curve between them.
-    fn round_corner(&mut self, next: &mut Self, joining: Joining<'_>) -> Option<Smoothed<T>> {
+    fn round_corner(
+        &mut self,
+        next: &mut Self,
+        joining: Joining<'_>,
+        corners: &mut CornerAnswers<T>,
+    ) -> Option<Smoothed<T>> {
         let merged_mm = self.merged_with(next);
         let tolerance_mm = self.corner_tolerance_mm()? - merged_mm;
         if !next.is_smoothable() || self.element.work_offset != next.element.work_offset {
@@ -421,30 +430,30 @@ impl<T: Carried> Entry<T> {
         // Of a long element before a curve, most may have been given on.
         let most_cut_mm = (CORNER_SHARE * self.full_length_mm.min(next.full_length_mm)).min(self.element.length);
         let carried = self.carried.at_corner(&next.carried)?;
-        let ([before, element, after], rounding) = self.rounded(next, [tolerance_mm, most_cut_mm], joining)?;
+        let limits_mm = [tolerance_mm, most_cut_mm];
+        let (elements, rounding) = self.rounded(next, limits_mm, joining)?;
         // Where the path does not rest without the curve, the curve never costs time.
         let would_rest = matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
         let is_open = would_rest && self.joint.way() != Way::Rounded;
         if self.joins && next.joins && is_open {
-            let blocks = [(&before, self.full_length_mm), (&after, next.full_length_mm)];
-            let command = carried.commanded_mm_per_s(&element, joining.machine);
-            let corner = Corner { curve: &element, blocks, cut_mm: rounding.cut_mm, command };
             let is_rounded = match self.corner_speed {
-                CornerSpeed::Steady => corner.is_rounded(joining.machine),
-                CornerSpeed::Changing => corner.is_rounded_in_least_time(joining.machine, || {
-                    let pieces = [(&before, &self.carried), (&element, &carried), (&after, &next.carried)];
-                    ways::planned_s(
-                        pieces.map(|(element, carried)| (element, carried, false)),
-                        joining,
-                        &mut Vec::new(),
-                    )
-                }),
+                CornerSpeed::Steady => {
+                    let [before, curve, after] = &elements;
+                    let blocks = [(before, self.full_length_mm), (after, next.full_length_mm)];
+                    let command = carried.commanded_mm_per_s(curve, joining.machine);
+                    Corner { curve, blocks, cut_mm: rounding.cut_mm, command }.is_rounded(joining.machine)
+                }
+                CornerSpeed::Changing => {
+                    let (curve, cut) = ((&elements, &carried), (rounding.cut_mm, joining.machine));
+                    corners.is_rounded([self, next], limits_mm, curve, cut)
+                }
             };
             if !is_rounded {
                 self.joint.stop();
                 return None;
             }
         }
+        let [before, element, after] = elements;
         self.element = before;
         next.merged = next.merged.behind(rounding.cut_mm, after.length);
         next.element = after;

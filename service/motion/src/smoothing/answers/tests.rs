@@ -51,12 +51,29 @@ fn turns_that_are_alike_are_tried_once() {
 }
 
 #[test]
+fn corners_by_themselves_that_are_alike_are_planned_once() {
+    let machine = Machine::mill();
+    let [few, many] = [100, 300].map(|count| {
+        let points: Vec<_> = (0..count).map(|n| [0.1 * f64::from(n), f64::from(n % 2), 0.0]).collect();
+        let mut smoother = PathSmoother::default();
+        let path = blocks(polyline(&points), within(0.05, 0.0));
+        smooth(&mut smoother, path, joining(&machine, CornerSpeed::Changing), |_| {});
+        smoother.corners.known.len()
+    });
+    // On both sides, with the first and the last one.
+    assert!((1..=4).contains(&few) && few == many, "{few} and {many}");
+}
+
+#[test]
 fn the_path_does_not_depend_on_what_is_remembered() {
     let machine = Machine::mill();
     for corner_speed in SPEEDS {
         for tolerance_mm in [0.05, 0.2] {
             let smoothed = |before_each: fn(&mut PathSmoother<Cut>)| {
-                let path = raster(24, within(tolerance_mm, 0.0));
+                // Behind turns that are tried together, corners by themselves.
+                let mut path = raster(24, within(tolerance_mm, 0.0));
+                let points: Vec<_> = (0..24).map(|n| [0.1 * f64::from(n), 5.0 + f64::from(n % 2), 0.0]).collect();
+                path.extend(blocks(polyline(&points), within(tolerance_mm, 0.0)));
                 smooth(&mut PathSmoother::default(), path, joining(&machine, corner_speed), before_each)
             };
             assert_eq!(smoothed(|_| {}), smoothed(|smoother| *smoother = smoother.clone()), "{corner_speed:?}");
