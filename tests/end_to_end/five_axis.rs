@@ -262,7 +262,7 @@ async fn what_cannot_be_is_refused_with_numbers_and_a_cure() {
     let valid = guided("G1 X5 I0 J0.4 K1");
     for (machine, tool, program, code, line) in [
         ("mill", "ball", "G43.4 H1\nG0 X0 Y0 Z20\nM30\n".to_owned(), "FIVE-AXIS-KINEMATICS", 2),
-        ("trunnion", "unmeasured", valid.clone(), "PRG-TOOL-LENGTH", 3),
+        ("trunnion", "unmeasured", valid.clone(), "PRG-TOOL-LENGTH", 2),
         ("trunnion", "ball", guided("G1 X5 I0 J0 K0"), "PRG-TOOL-DIRECTION", 4),
         ("trunnion", "ball", guided("G1 X5 I0 J-1 K-1"), "FIVE-AXIS-RANGE", 4),
     ] {

@@ -151,7 +151,7 @@ fn curves_of_the_tool_centre_point() {
 
 #[test]
 fn a_wrong_switch_of_thinning_is_cured() {
-    let (_, findings) = interpret(b"G43.4 H1 P2\nM30\n", mill());
+    let (_, findings) = Interpreter::new(mill()).with_tools(tools()).read_all(b"G43.4 H1 P2\nM30\n");
     let [finding] = findings.findings() else { panic!("{findings:?}") };
     assert_eq!(finding.values[0].value, 2.0);
     let cures: Vec<_> = finding.suggestions.iter().filter_map(|it| it.replacement.as_deref()).collect();
@@ -161,11 +161,11 @@ fn a_wrong_switch_of_thinning_is_cured() {
 #[test]
 fn a_restored_interpreter_goes_on_alike() {
     let program = "G43.5 H1 P1\nG1 X1 Y1 Z1 I0 J1 K1 F10\nX2\nG49\nG0 X3\nY1 Z1 A0 B0 C0\nX4\nM30\n";
-    let (expected, _) = interpret(program.as_bytes(), mill());
+    let (expected, _) = Interpreter::new(mill()).with_tools(tools()).read_all(program.as_bytes());
     let mut state = Interpreter::new(mill()).state().clone();
     let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
     for line in program.split_inclusive('\n') {
-        let mut interpreter = Interpreter::restore(mill(), state);
+        let mut interpreter = Interpreter::restore(mill(), state).with_tools(tools());
         interpreter.read_line(line.as_bytes(), false, &mut operations, &mut findings);
         state = interpreter.state().clone();
     }
