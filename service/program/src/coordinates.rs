@@ -231,6 +231,15 @@ impl Coordinates {
         }
     }
 
+    /// Sets a row of the table of tool offsets.
+    pub(crate) fn set_tool(&mut self, row: ToolOffset) {
+        let rows = &mut self.tables.tools;
+        match rows.iter_mut().find(|present| present.number == row.number) {
+            Some(present) => *present = row,
+            None => rows.push(row),
+        }
+    }
+
     /// Changes the transformation; one that does nothing is none.
     pub(crate) fn set_transform(&mut self, transform: Transform) {
         self.transform = (!transform.is_identity()).then(|| Box::new(transform));

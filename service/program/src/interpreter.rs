@@ -450,7 +450,7 @@ impl Interpreter {
     fn forget_unread_feed(&mut self) {
         if self.block.unread & letter_bit(b'F') != 0 {
             self.state.feed = 0.0;
-            self.state.thread.lead_mm = None;
+            self.state.thread.forget_lead();
             (self.state.reported.feed, self.state.reported.lead) = (true, true);
         }
     }

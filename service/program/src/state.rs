@@ -17,7 +17,7 @@ use crate::parameters::Parameters;
 use crate::{
     AxisSet, CompensationMode, Compensator, Coolant, Feed, FeedMode, Finding, Function, InitialMotion,
     LanguageSettings, PathControl, Place, Plane, Position, SourceSpan, Spindle, SpindleDirection, SpindleSpeed,
-    TiltedPlane,
+    TiltedPlane, ToolOffset,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -77,6 +77,8 @@ pub struct InterpreterState {
     pub(crate) max_rev_per_min: Option<f64>,
     /// Tool in use, 0 for none.
     pub(crate) tool: u32,
+    /// The last `T` word as a number, 0 before the first.
+    pub(crate) tool_word: u32,
     pub(crate) thread: ThreadModes,
     pub(crate) drilling: Drilling,
     pub(crate) turning: TurningModes,
@@ -124,6 +126,8 @@ pub struct InterpreterState {
 /// What M codes of the machine leave for the blocks behind them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MachineModes {
+    /// What overrides the machine takes.
+    pub(crate) overrides: Overrides,
     /// `M29`: the next tapping cycle is rigid, until the end of the cycles.
     pub(crate) rigid_tapping: bool,
     /// Numbers of the unlisted M codes that have been noted.
@@ -132,6 +136,49 @@ pub(crate) struct MachineModes {
     pub(crate) context: ModeContext,
     /// Modes that the end of a called program restores (`M73`), until that is done.
     pub(crate) returning: Option<Box<SavedModes>>,
+}
+
+/// LinuxCNC: what overrides the machine takes (`M48` to `M53`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
+pub(crate) struct Overrides {
+    pub(crate) feed: bool,
+    pub(crate) speed: bool,
+    pub(crate) adaptive_feed: bool,
+    pub(crate) feed_hold: bool,
+}
+
+impl Default for Overrides {
+    /// As LinuxCNC starts.
+    fn default() -> Self {
+        Self { feed: true, speed: true, adaptive_feed: false, feed_hold: true }
+    }
+}
+
+impl Overrides {
+    /// Carries out an M code with its `P`: 0 switches off.
+    pub(crate) fn switch(&mut self, number: u32, p: Option<f64>) {
+        let on = p != Some(0.0);
+        match number {
+            48 | 49 => (self.feed, self.speed) = (number == 48, number == 48),
+            50 => self.feed = on,
+            51 => self.speed = on,
+            52 => self.adaptive_feed = on,
+            53 => self.feed_hold = on,
+            _ => {}
+        }
+    }
+
+    /// Of these the ones that `M72` restores. Its interpreter writes one code for both, which switches on what was on alone and
+    /// leaves the other as it is.
+    pub(crate) const fn restore(&mut self, saved: Self) {
+        match (saved.feed, saved.speed) {
+            _ if self.feed == saved.feed && self.speed == saved.speed => {}
+            (true, false) => self.feed = true,
+            (false, true) => self.speed = true,
+            (feed, speed) => (self.feed, self.speed) = (feed, speed),
+        }
+    }
 }
 
 /// What `M70` or `M73` has saved: each called program has its own.
@@ -164,7 +211,7 @@ pub(crate) struct LengthCompensation {
     pub(crate) is_on: bool,
     /// `H`, 0 where it is off; on lathes the number of the offset in the `T` word.
     pub(crate) number: u32,
-    /// On lathes the number that the geometry belongs to.
+    /// The number that the geometry belongs to: that of the tool on lathes with `geometry_by_tool`.
     pub(crate) geometry_number: u32,
     /// `G44`
     pub(crate) negative: bool,
@@ -174,6 +221,19 @@ pub(crate) struct LengthCompensation {
     pub(crate) offset: Position,
     /// Line that switched it on.
     pub(crate) on_line: u32,
+}
+
+impl InterpreterState {
+    /// Whether a row of the table of tool offsets differs from the one `before` in what is in force.
+    pub(crate) fn is_in_force(&self, row: &ToolOffset, before: Option<&ToolOffset>) -> bool {
+        let has_geometry = row.geometry != before.and_then(|before| before.geometry);
+        let has_wear = row.wear != before.map_or(Position::default(), |before| before.wear);
+        let control = &self.tool_control;
+        let is_of_tip =
+            matches!(control.mode, ToolMode::Angles | ToolMode::Vectors) && control.length_offset == row.number;
+        has_geometry && (is_of_tip || self.length.geometry_number == row.number)
+            || has_wear && (is_of_tip || self.length.number == row.number)
+    }
 }
 
 /// Compensation of tool radius and nose, as it is programmed.
@@ -189,6 +249,8 @@ pub(crate) struct RadiusCompensation {
 pub(crate) struct CompensationOn {
     /// Line that switched it on.
     pub(crate) line: u32,
+    /// The code was that of the left side: a mirror image and a negative radius change the side of the path, not the code.
+    pub(crate) left: bool,
     pub(crate) mode: CompensationMode,
 }
 
@@ -245,6 +307,13 @@ pub(crate) struct PlaneSequence {
     pub(crate) has_shift: bool,
 }
 
+impl ThreadModes {
+    /// A feed has taken the place of the lead.
+    pub(crate) const fn forget_lead(&mut self) {
+        (self.lead_mm, self.lead_as_written) = (None, None);
+    }
+}
+
 impl ToolControl {
     /// Whether moves are plain ones, whose positions the program knows.
     pub(crate) fn is_plain(&self) -> bool {
@@ -258,6 +327,8 @@ pub(crate) struct ThreadModes {
     /// The modal `F` (or `E`) where a thread wrote it, as a lead, mm. A feed and a lead replace each other, as they are
     /// one modal word, but neither is ever taken for the other.
     pub(crate) lead_mm: Option<f64>,
+    /// The number of that word, where it was `F`.
+    pub(crate) lead_as_written: Option<f64>,
     /// End of the passes of `G92`, X and Z in work coordinates, mm.
     pub(crate) end: [f64; 2],
     /// Radius at the start less radius at the end of the passes of `G92`, mm.
@@ -416,6 +487,7 @@ impl InterpreterState {
             m_per_min: 0.0,
             max_rev_per_min: None,
             tool: 0,
+            tool_word: 0,
             thread: ThreadModes::default(),
             // As LinuxCNC starts, whatever its handbook says.
             drilling: Drilling { to_r: settings.dialect == crate::DialectName::LinuxCnc, ..Drilling::default() },

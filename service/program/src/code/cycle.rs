@@ -6,17 +6,18 @@ crate::finding_codes! {
 
     "PRG-CYCLE-WORD" [CYCLE_WORD: Error] {
         meaning: "a drilling cycle without a word it needs",
-        cause: "The first block of a cycle lacks its bottom (Z) or the Q of its pecks; in LinuxCNC also its R level and the P of its \
-              dwell, even where the cycle's code has changed or was left.",
+        cause: "The first block of a cycle lacks its bottom (Z), the Q of its pecks, or its R where that is a level (under `G90`, but on \
+              Haas controls): some controls take 0 for it, others the last one. In LinuxCNC also the P of its dwell, even where the \
+              cycle's code has changed or was left.",
         cure: "Add the words that the finding names.",
         example: mill("M3 S1000\nG0 Z10\nG81 X10 R2 F100"),
     }
 
     "PRG-CYCLE-NO-R" [CYCLE_NO_R: Info] {
-        meaning: "a drilling cycle without R on a FANUC or Haas control: the tool feeds from the level of its start",
+        meaning: "a drilling cycle without R on a Haas control, or where R is a distance: the tool feeds from the level of its start",
         cause: "No block since `G80` has R, so that the R level is no distance below the level of the start.",
         cure: "Add R with the level to which the tool goes rapidly, so that it feeds through less air.",
-        example: mill("M3 S1000\nG0 Z10\nG81 X10 Z-5 F100"),
+        example: mill("M3 S1000\nG0 Z10\nG91 G81 X10 Z-15 F100"),
     }
 
     "PRG-CYCLE-VALUE" [CYCLE_VALUE: Error] {

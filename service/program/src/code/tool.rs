@@ -32,6 +32,14 @@ crate::finding_codes! {
         example: on("mill, language.coordinates.style = COORDINATE_STYLE_HAAS", "G43 H1\nG91 G0 Z10"),
     }
 
+    "PRG-LENGTH-UNIT" [LENGTH_UNIT: Warning] {
+        meaning: "another unit while a tool offset is in force in LinuxCNC",
+        cause: "LinuxCNC keeps the number of the offset without converting it to the new unit: where the offset changes next, an axis \
+              that is not named moves by the difference. Here the offset stays the length that it is.",
+        cure: "Change the unit before G43 or behind G49.",
+        example: linuxcnc("G43.1 Z10\nG20"),
+    }
+
     "PRG-TOOL-LENGTH" [TOOL_LENGTH: Error] {
         meaning: "the number of a tool length that is not known",
         cause: "No tool of the job has this number and a length, and the program has not set one (`G10`).",

@@ -115,6 +115,7 @@ impl Execution<'_> {
                 "scale both axes of the plane alike, in the plane of the rotation",
             );
         }
+        let code_left = left;
         let is_mirrored = self.state.coords.transform.as_ref().is_some_and(|transform| transform.swaps_sides(plane));
         // A negative radius is that of a tool smaller than the one that the path was made for.
         let left = (left == (radius_mm >= 0.0)) != is_mirrored;
@@ -139,7 +140,7 @@ impl Execution<'_> {
             settings => CompensationRules::Fanuc { entry: settings.entry, corner: settings.corner },
         };
         let mode = CompensationMode { left, plane, radius_mm, reference_mm, rules };
-        self.state.compensation.on = Some(CompensationOn { line: span.line, mode });
+        self.state.compensation.on = Some(CompensationOn { line: span.line, left: code_left, mode });
         self.emit(span, OperationKind::Compensation(CompensationCommand::On(mode)));
     }
 
@@ -212,12 +213,16 @@ impl Execution<'_> {
         if number == 0 {
             return Some(Nose { radius_mm: 0.0, tip: 0, is_said: false });
         }
-        let nose = self.nose_by_number(number);
+        let geometry = match self.settings.dialect {
+            DialectName::Lathe => self.geometry_number(self.state.tool, number),
+            DialectName::Mill | DialectName::LinuxCnc => number,
+        };
+        let nose = self.nose_by_number(geometry, number);
         if nose.is_none() {
             self.findings.push_with(code::COMP_NUMBER, |code| {
-                let message = format!("no tool offset {number} with a radius is known");
+                let message = format!("no tool offset {geometry} with a radius is known");
                 Finding::new(code, span, message)
-                    .with_value("offset", f64::from(number), "")
+                    .with_value("offset", f64::from(geometry), "")
                     .suggest("give the tool its radius, and the job the tool")
             });
         }
@@ -244,10 +249,11 @@ impl Execution<'_> {
         true
     }
 
-    /// The tool offset of this number, if it has a radius.
-    fn nose_by_number(&self, number: u32) -> Option<Nose> {
-        let offset = self.tool_row(number)?;
-        Some(Nose { radius_mm: offset.total_radius_mm()?, tip: offset.tip, is_said: false })
+    /// Radius and tip of the geometry in this row of tool offsets, if it has a radius, with the wear of row `wear`.
+    fn nose_by_number(&self, number: u32, wear: u32) -> Option<Nose> {
+        let geometry = self.tool_row(number)?;
+        let wear_mm = self.tool_row(wear).map_or(0.0, |row| row.radius_wear_mm);
+        Some(Nose { radius_mm: geometry.radius_mm? + wear_mm, tip: geometry.tip, is_said: false })
     }
 
     /// Reports codes that contradict the compensation, before they change anything.

@@ -20,7 +20,7 @@ use crate::{Axis, CoordinateStyle, DialectName, Finding, FindingCode, LanguageSe
 use super::motion::set_bits;
 
 pub(crate) use register::set_initial_offsets;
-pub(super) use register::{Register, ToolPart, assign, read, tool_row};
+pub(super) use register::{Register, assign, read, tool_row, unassigned_offset};
 
 /// Changes registers while the machine stays where it is, so that its place has other coordinates.
 pub(super) fn rebase(

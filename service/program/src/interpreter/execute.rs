@@ -16,7 +16,7 @@ use crate::{
 pub(super) const MM_PER_INCH: f64 = 25.4;
 
 /// One foot in m, by definition: surface speed in an inch program is in feet/min.
-const M_PER_FOOT: f64 = 0.3048;
+pub(super) const M_PER_FOOT: f64 = 0.3048;
 
 /// Feeds and speeds below this are mistakes, as numbers beyond the largest one are: together the two limits keep
 /// every time and every ratio derived from them finite.
@@ -218,6 +218,9 @@ impl Execution<'_> {
         if inch != self.state.inch && self.block.word(b'F').is_some() && self.block.code(Group::Function).is_none() {
             self.unit_with_feed(span);
         }
+        if inch != self.state.inch && self.table.dialect.is_linuxcnc {
+            self.note_unit_under_offset(span);
+        }
         self.state.inch = inch;
     }
 
@@ -256,7 +259,7 @@ impl Execution<'_> {
         };
         self.state.unread &= !letter_bit(b'F');
         // One modal word: a feed takes the place of a thread's lead.
-        self.state.thread.lead_mm = None;
+        self.state.thread.forget_lead();
         self.state.reported.lead = false;
         let value = word.number.value();
         if value == 0.0 && self.table.dialect.is_linuxcnc {
@@ -284,6 +287,10 @@ impl Execution<'_> {
             && let Some(tool) = self.whole(&word)
         {
             self.state.unread &= !letter_bit(b'T');
+            if self.state.tool_word != tool {
+                self.state.tool_word = tool;
+                self.state.parameters.changed();
+            }
             if self.table.dialect.tool_word_changes {
                 // T0101 is tool 1 with offset 1; T1 and T01 are tool 1 without one.
                 let same = self.settings.coordinates.two_digit_tools;

@@ -320,7 +320,9 @@ impl Interpreter {
         match self.carry_out(&pending, findings) {
             Progress::Done => {
                 if let Some(saved) = self.state.machine.returning.take() {
-                    self.with_execution(operations, findings, |execution| execution.restore(&saved, pending.span));
+                    self.with_execution(operations, findings, |execution| {
+                        execution.restore_codes(&saved, pending.span)
+                    });
                 }
             }
             Progress::NeedsIndex(program) => {

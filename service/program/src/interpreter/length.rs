@@ -63,13 +63,12 @@ impl Execution<'_> {
         };
         let number = match named {
             // In LinuxCNC it is the tool in the spindle, and none has no length.
-            None | Some(0) if self.is_linuxcnc_dialect() => match self.state.tool {
-                0 => {
-                    let none = LengthCompensation { is_on: true, on_line: span.line, ..LengthCompensation::default() };
-                    return self.switch_length(none, span);
+            None | Some(0) if self.is_linuxcnc_dialect() => {
+                if let Some(next) = self.length_of_spindle_tool(span) {
+                    self.switch_length(next, span);
                 }
-                tool => tool,
-            },
+                return;
+            }
             Some(number) => number,
             None if self.settings.coordinates.length_of_tool => self.state.tool,
             // H is modal, as the length is.
@@ -88,10 +87,17 @@ impl Execution<'_> {
                     .suggest("switch the compensation off with G49")
             });
         }
-        if let Some(word) = word.filter(|_| named != Some(0)) {
+        if let Some(word) = word {
             self.check_length_of_tool(&word, number);
         }
-        let Some(length_mm) = self.known_length_mm(number, span) else { return };
+        if let Some(next) = self.length_of_row(number, negative, span) {
+            self.switch_length(next, span);
+        }
+    }
+
+    /// What `G43` or `G44` with this row of the table puts in force; `None` after a finding.
+    fn length_of_row(&mut self, number: u32, negative: bool, span: SourceSpan) -> Option<LengthCompensation> {
+        let length_mm = self.known_length_mm(number, span)?;
         let length_mm = if negative { -length_mm } else { length_mm };
         let mut offset = Position::default();
         match self.tool_row(number).and_then(|row| row.total()) {
@@ -99,8 +105,15 @@ impl Execution<'_> {
             _ => offset[Axis::Z.index()] = length_mm,
         }
         let on_line = span.line;
-        let next = LengthCompensation { is_on: true, number, geometry_number: 0, negative, length_mm, offset, on_line };
-        self.switch_length(next, span);
+        Some(LengthCompensation { is_on: true, number, geometry_number: number, negative, length_mm, offset, on_line })
+    }
+
+    /// What `G43` alone puts in force in LinuxCNC: the offset of the tool in the spindle; `None` after a finding.
+    pub(super) fn length_of_spindle_tool(&mut self, span: SourceSpan) -> Option<LengthCompensation> {
+        match self.state.tool {
+            0 => Some(LengthCompensation { is_on: true, on_line: span.line, ..LengthCompensation::default() }),
+            tool => self.length_of_row(tool, false, span),
+        }
     }
 
     /// The length of a row of the table with its wear, mm; `None` after a finding.
@@ -130,6 +143,22 @@ impl Execution<'_> {
                 .with_value("length_offset", f64::from(number), "")
                 .with_value("tool", f64::from(tool), "")
                 .suggest_replacement("use the length of the tool", format!("H{tool}"))
+        });
+    }
+
+    /// Another unit while an offset is in force in LinuxCNC, which does not convert its number.
+    #[cold]
+    pub(super) fn note_unit_under_offset(&mut self, span: SourceSpan) {
+        if self.state.length.offset == Position::default() {
+            return;
+        }
+        let length_mm = self.state.length.length_mm;
+        self.findings.push_with(code::LENGTH_UNIT, |code| {
+            let message =
+                "another unit while a tool offset is in force: LinuxCNC goes on with its number in the new unit";
+            Finding::new(code, span, message)
+                .with_value("length", length_mm, "mm")
+                .suggest("change the unit before the offset is in force, or behind G49")
         });
     }
 

@@ -63,7 +63,7 @@ impl Execution<'_> {
         for code in pending.iter_mut().filter(|code| code.word.rule.step == step) {
             let MachineWord { rule, span, .. } = code.word;
             match rule.action {
-                MachineAction::Pass => {}
+                MachineAction::Pass => self.state.machine.overrides.switch(rule.number, code.value('P')),
                 MachineAction::Orient => self.stop_spindle(span),
                 MachineAction::RigidTapping => self.state.machine.rigid_tapping = true,
                 MachineAction::SetTool => {
@@ -123,7 +123,7 @@ impl Execution<'_> {
     /// `M72`: LinuxCNC refuses it without saved modes.
     fn restore_modes(&mut self, span: SourceSpan) {
         match self.state.machine.context.saved.clone() {
-            Some(saved) => self.restore(&saved, span),
+            Some(saved) => self.restore_codes(&saved, span),
             None => self.findings.push_with(code::MODES_NOT_SAVED, |code| {
                 Finding::new(code, span, "no modes are saved that could be restored")
                     .suggest("save them before with M70 or M73")

@@ -50,14 +50,15 @@ impl Execution<'_> {
     fn path_tolerances(&mut self) {
         let default_mm = self.settings.default_path_tolerance_mm;
         let (tolerance_word, merge_word) = (self.take(b'P'), self.take(b'Q'));
-        let Some(given_mm) = tolerance_word.map_or(Some(default_mm), |word| self.path_tolerance(&word)) else {
+        let Some(given_mm) = tolerance_word.map_or(Some(default_mm), |word| self.path_tolerance(&word, 'P')) else {
             return;
         };
         // In LinuxCNC no tolerance is none at all, as without P: the profile's is meant.
         let unlimited = self.table.dialect.is_linuxcnc && given_mm == 0.0;
         let tolerance_mm = if unlimited { default_mm } else { given_mm };
         // As in LinuxCNC, lines are merged within P where there is no Q; Q0 merges none.
-        let Some(mut merge_tolerance_mm) = merge_word.map_or(Some(tolerance_mm), |word| self.path_tolerance(&word))
+        let Some(mut merge_tolerance_mm) =
+            merge_word.map_or(Some(tolerance_mm), |word| self.path_tolerance(&word, 'Q'))
         else {
             return;
         };
@@ -80,20 +81,21 @@ impl Execution<'_> {
         self.state.path_control = PathControl::Continuous { tolerance_mm, merge_tolerance_mm };
     }
 
-    /// A tolerance of `G64` or `G187`, mm; `None` after a finding.
-    fn path_tolerance(&mut self, word: &Word) -> Option<f64> {
+    /// A tolerance of `G64` or `G187` in the word of this letter, mm; `None` after a finding.
+    fn path_tolerance(&mut self, word: &Word, letter: char) -> Option<f64> {
         let tolerance_mm = self.scaled(word, true);
         if (0.0..=MAX_PATH_TOLERANCE_MM).contains(&tolerance_mm) {
             return Some(tolerance_mm);
         }
         let span = self.block.word_span(word);
+        let usual = if self.state.inch { "0.0004" } else { "0.01" };
         self.findings.push_with(code::PATH_TOLERANCE, |code| {
             let message =
                 format!("the tolerance is {tolerance_mm} mm, but must lie between 0 and {MAX_PATH_TOLERANCE_MM} mm");
             Finding::new(code, span, message)
                 .with_value("tolerance", tolerance_mm, "mm")
                 .with_value("max_tolerance", MAX_PATH_TOLERANCE_MM, "mm")
-                .suggest("write how far the path may leave the programmed one, such as P0.01")
+                .suggest(format!("write how far the path may leave the programmed one, such as {letter}{usual}"))
         });
         None
     }
@@ -154,7 +156,7 @@ impl Execution<'_> {
     fn smoothness(&mut self, span: SourceSpan) {
         let (level, tolerance) = (self.take(b'P'), self.take(b'E'));
         if let Some(word) = tolerance {
-            if let Some(tolerance_mm) = self.path_tolerance(&word) {
+            if let Some(tolerance_mm) = self.path_tolerance(&word, 'E') {
                 self.contour_on(tolerance_mm);
             }
             return;

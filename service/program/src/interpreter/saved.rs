@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::execute::Execution;
+use crate::code;
 use crate::coordinates::WorkSystem;
 use crate::dialect::FeedUnit;
-use crate::state::{CompensationOn, InterpreterState, LengthCompensation};
-use crate::{Coolant, OperationKind, PathControl, Plane, SourceSpan, SpindleDirection};
+use crate::state::{CompensationOn, InterpreterState, LengthCompensation, Overrides};
+use crate::{Coolant, Finding, OperationKind, PathControl, Plane, Position, SourceSpan, SpindleDirection};
 
 /// The modes that `M70` saves: not the motion, nor the position.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,6 +31,8 @@ pub(crate) struct SavedModes {
     compensation: Option<CompensationOn>,
     path_control: PathControl,
     cycles_return_to_r: bool,
+    shift_is_on: bool,
+    overrides: Overrides,
 }
 
 impl SavedModes {
@@ -55,6 +58,8 @@ impl SavedModes {
             compensation: state.compensation.on,
             path_control: state.path_control,
             cycles_return_to_r: state.drilling.to_r,
+            shift_is_on: state.coords.tables.shift_is_on,
+            overrides: state.machine.overrides,
         }
     }
 }
@@ -67,7 +72,44 @@ impl SavedModes {
 }
 
 impl Execution<'_> {
-    /// Puts saved modes in force again; the spindle and the coolant follow where they differ.
+    /// `M72`, and the return to modes of `M73`. The interpreter of LinuxCNC writes the codes that differ, without words beside them: `G43`
+    /// is the offset of the tool in the spindle as the table has it now, and does nothing where any offset is in force; `G96`
+    /// clamps no speed, and leaves the clamp alone where it is in force; `G92.2` or `G92.3` put the shift out of force or back.
+    pub(super) fn restore_codes(&mut self, saved: &SavedModes, span: SourceSpan) {
+        let mut saved = saved.clone();
+        let clamp = saved.max_rev_per_min;
+        saved.max_rev_per_min = self.state.max_rev_per_min;
+        if saved.surface_speed && !self.state.surface_speed {
+            saved.max_rev_per_min = None;
+            self.note_clamp_lost(clamp, span);
+        }
+        let is_code_g43 = |length: &LengthCompensation| length.offset != Position::default();
+        saved.length = match (is_code_g43(&saved.length), is_code_g43(&self.state.length)) {
+            (true, false) => self.length_of_spindle_tool(span).unwrap_or(self.state.length),
+            (false, true) => LengthCompensation::default(),
+            _ => self.state.length,
+        };
+        self.state.machine.overrides.restore(saved.overrides);
+        self.restore(&saved, span);
+        match (saved.shift_is_on, self.state.coords.tables.shift_is_on) {
+            (true, false) => self.restore_shift(),
+            (false, true) => self.clear_shift(true),
+            _ => {}
+        }
+    }
+
+    fn note_clamp_lost(&mut self, clamp: Option<f64>, span: SourceSpan) {
+        let Some(clamp) = clamp else { return };
+        self.findings.push_with(code::SPEED_CLAMP_MISSING, |code| {
+            let message =
+                format!("G96 is restored without its D{clamp}: LinuxCNC restores the code and S, not the clamp");
+            Finding::new(code, span, message)
+                .with_value("clamp", clamp, "rev/min")
+                .suggest(format!("write G96 D{clamp} with S behind it"))
+        });
+    }
+
+    /// Puts saved modes in force again as they were; the spindle and the coolant follow where they differ.
     pub(super) fn restore(&mut self, saved: &SavedModes, span: SourceSpan) {
         let before = self.state.spindle();
         let state = &mut *self.state;

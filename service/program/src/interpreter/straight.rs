@@ -152,7 +152,7 @@ impl Interpreter {
         }
         if let Some(written) = written {
             (state.feed, state.feed_as_written) = (rate, written);
-            state.thread.lead_mm = None;
+            state.thread.forget_lead();
             (state.reported.feed, state.reported.lead) = (false, false);
         }
         if let Some(code) = self.block.code(Group::Motion) {

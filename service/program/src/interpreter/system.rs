@@ -12,10 +12,11 @@ use crate::code;
 use crate::dialect::Dialect;
 use crate::expression::{Name, Reading, Refusal, Target, Value, Variables};
 use crate::parameters::{Kind, profile_row};
+use crate::state::ToolMode;
 use crate::{Axis, DialectName, InterpreterState, LanguageSettings, Position, ToolOffset};
 
-use super::coordinates::{self, Register, ToolPart};
-use super::execute::MM_PER_INCH;
+use super::coordinates::{self, Register};
+use super::execute::{M_PER_FOOT, MM_PER_INCH};
 
 /// What expressions read: the state before their line.
 #[derive(Clone, Copy)]
@@ -111,6 +112,7 @@ impl System<'_> {
             5_070 if self.state.probed.is_some() => Err(unavailable("5070")),
             _ if is_linuxcnc => match linuxcnc::of_spindle_tool(number) {
                 Some((what, cure)) => Err(of_unknown_tool(number, what, self.state.tool, cure)),
+                None if matches!(number, 5_021..=5_029 | 5_420..=5_428) => Err(unavailable(&number.to_string())),
                 None => Ok(Reading::from(Some(0.0))),
             },
             3_001 | 3_002 | 3_011 | 3_012 | 3_901 | 3_902 => Err(Refusal {
@@ -147,14 +149,42 @@ impl System<'_> {
         (!is_held).then(|| self.in_units(axis, position[axis.index()]))
     }
 
-    /// The tool in machine coordinates.
-    fn machine_position(&self) -> Position {
-        self.state.coords.machine(&self.state.position)
+    /// The machine position of an axis in the units of the program; `None` where only the machine knows it: in a tilted plane, under
+    /// tool centre point control, and beside a contour.
+    fn machine(&self, axis: Axis) -> Option<f64> {
+        let is_known = self.is_of_tool(axis);
+        let position = is_known.then(|| self.state.coords.machine(&self.state.position))?;
+        self.place(&position, axis)
+    }
+
+    /// Whether the tool is at the programmed place of an axis, and the machine where the offsets say.
+    fn is_of_tool(&self, axis: Axis) -> bool {
+        if self.state.tool_control.mode != ToolMode::Off {
+            return false;
+        }
+        let on = self.state.compensation.on.filter(|on| on.mode.radius_mm != 0.0).map(|on| on.mode.plane);
+        // LinuxCNC counts from the programmed point behind G40, wherever the tool is.
+        let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
+        let beside = on.or_else(|| self.state.compensator.plane().filter(|_| !is_linuxcnc));
+        beside.is_none_or(|plane| {
+            let (first, second) = plane.axes();
+            axis != first && axis != second
+        })
     }
 
     /// Whether a programmed position differs from work coordinates by more than offsets.
     fn is_transformed(&self) -> bool {
         self.state.coords.transform.is_some()
+    }
+}
+
+/// The speed as the program writes it.
+fn speed(system: &System<'_>) -> f64 {
+    let state = system.state;
+    match state.surface_speed {
+        true if state.inch => state.m_per_min / M_PER_FOOT,
+        true => state.m_per_min,
+        false => state.rev_per_min,
     }
 }
 
@@ -255,17 +285,7 @@ fn set_system(
             state.parameters.changed();
             return Ok(Effect::Set);
         }
-        None if settings.dialect == DialectName::LinuxCnc && number == 5_220 => {
-            return Err(Refusal {
-                code: code::PARAMETER_READ_ONLY,
-                message: "#5220 is the number of the work coordinate system in force, and selects none".to_owned(),
-                cure: "select it with its code, such as G55".into(),
-            });
-        }
-        None if is_of_small_memory(settings, number) => {
-            return Err(Refusal { code: code::PARAMETER_READ_ONLY, ..of_small_memory(number) });
-        }
-        None => return Err(read_only(format!("#{number}"))),
+        None => return Err(unassigned(settings, number).unwrap_or_else(|| read_only(format!("#{number}")))),
         Some(_) => {}
     }
     Ok(effect.unwrap_or(Effect::Set))
@@ -279,14 +299,14 @@ pub(crate) fn assign_offset(
     number: u32,
     value: f64,
 ) -> Result<(), Refusal> {
-    let Some(register) = Register::of(settings, number) else { return Ok(()) };
-    coordinates::assign(state, settings, tools, register, Some(value)).map_err(|why| Refusal {
-        code: code::PARAMETER_READ_ONLY,
-        message: format!("#{number} cannot be assigned here: {why}"),
-        cure: match register {
-            Register::Tool(_, ToolPart::Tip) if state.compensation.on.is_none() => "assign a whole number from 0 to 9",
-            _ => "assign it in a block before that is so, or behind its end",
-        }
-        .into(),
-    })
+    let Some(register) = Register::of(settings, number) else {
+        return unassigned(settings, number).map_or(Ok(()), Err);
+    };
+    coordinates::assign(state, settings, tools, register, Some(value)).map_err(|why| why.refusal(number))
+}
+
+/// Why a number that is an offset on the control cannot be assigned whatever is in force; `None` for all others.
+pub(super) fn unassigned(settings: &LanguageSettings, number: u32) -> Option<Refusal> {
+    let of_memory = || Refusal { code: code::PARAMETER_READ_ONLY, ..of_small_memory(number) };
+    coordinates::unassigned_offset(settings, number).or_else(|| is_of_small_memory(settings, number).then(of_memory))
 }

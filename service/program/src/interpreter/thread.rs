@@ -163,7 +163,8 @@ impl Execution<'_> {
     /// The lead of this block, mm: its `F` or `E`, or the modal one; `None` after a finding, now or before.
     fn lead(&mut self) -> Option<f64> {
         let inch = if self.state.inch { MM_PER_INCH } else { 1.0 };
-        let (word, lead_mm) = match (self.take(b'F'), self.take(b'E')) {
+        let feed = self.take(b'F');
+        let (word, lead_mm) = match (feed, self.take(b'E')) {
             (None, None) => return self.modal_lead(),
             (Some(_), Some(word)) => {
                 self.word_conflict(&word, "the thread has two leads: keep one of F and E");
@@ -182,6 +183,7 @@ impl Execution<'_> {
         self.state.feed = 0.0;
         self.state.reported.feed = false;
         self.state.thread.lead_mm = lead_mm;
+        self.state.thread.lead_as_written = feed.map(|word| word.number.value());
         self.state.reported.lead = lead_mm.is_none();
         lead_mm
     }

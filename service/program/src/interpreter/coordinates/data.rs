@@ -1,11 +1,11 @@
 //! `G10`: offsets set by the program.
 
 use super::Execution;
+use super::register::CANCEL_OFFSET;
 use crate::block::Word;
 use crate::code;
 use crate::coordinates::{Rotation, WorkOffset, WorkSystem};
 use crate::dialect::letter_bit;
-use crate::state::ToolMode;
 use crate::{Axis, DialectName, Finding, Plane, Position, SourceSpan, ToolOffset};
 
 /// Largest number of a tool offset that `G10` sets.
@@ -141,29 +141,17 @@ impl Execution<'_> {
         super::tool_row(self.state, self.tools, number)
     }
 
-    fn set_tool_row(&mut self, row: ToolOffset) {
-        let rows = &mut self.state.coords.tables.tools;
-        match rows.iter_mut().find(|present| present.number == row.number) {
-            Some(present) => *present = row,
-            None => rows.push(row),
-        }
-    }
-
     /// Sets a row unless it is in force with another offset.
     fn change_tool_row(&mut self, row: ToolOffset, span: SourceSpan) {
         let number = row.number;
-        let (length, control) = (&self.state.length, &self.state.tool_control);
-        let is_of_tip = matches!(control.mode, ToolMode::Angles | ToolMode::Vectors) && control.length_offset == number;
-        let is_in_force = is_of_tip || length.number == number || length.geometry_number == number;
-        let before = self.tool_row(number).map(|row| (row.geometry, row.wear));
-        if is_in_force && number != 0 && before != Some((row.geometry, row.wear)) {
+        if number != 0 && self.state.is_in_force(&row, self.tool_row(number).as_ref()) {
             return self.findings.push_with(code::OFFSET_IN_FORCE, |code| {
                 Finding::new(code, span, format!("tool offset {number} is changed while it is in force"))
                     .with_value("offset", f64::from(number), "")
-                    .suggest("cancel it before (G49 on mills, T with offset 0 on lathes), and call it again behind")
+                    .suggest(CANCEL_OFFSET)
             });
         }
-        self.set_tool_row(row);
+        self.state.coords.set_tool(row);
     }
 
     /// `G10 L10` to `L13` and `L1` on mills.
@@ -400,6 +388,6 @@ impl Execution<'_> {
             let Some(orientation) = self.ranged(&word, 0, 9, "the orientation Q") else { return };
             row.tip = super::super::compensation::TIP_OF_ORIENTATION[orientation as usize];
         }
-        self.set_tool_row(row);
+        self.state.coords.set_tool(row);
     }
 }

@@ -187,7 +187,7 @@ impl Execution<'_> {
     }
 
     /// `G92.1` and `G92.2` of LinuxCNC.
-    pub(super) fn clear_shift(&mut self, keeps: bool) {
+    pub(in super::super) fn clear_shift(&mut self, keeps: bool) {
         self.rebase(|state| {
             let coords = &mut state.coords;
             coords.shift = Position::default();
@@ -199,7 +199,7 @@ impl Execution<'_> {
     }
 
     /// `G92.3` of LinuxCNC.
-    pub(super) fn restore_shift(&mut self) {
+    pub(in super::super) fn restore_shift(&mut self) {
         self.rebase(|state| {
             let coords = &mut state.coords;
             coords.shift = coords.tables.stored_shift;

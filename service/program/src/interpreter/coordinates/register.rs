@@ -1,14 +1,19 @@
 //! Offsets as system variables: which number is which register, for reading and for assigning.
 
 use super::rebase;
+use crate::code;
 use crate::coordinates::{Coordinates, WorkOffset, WorkSystem};
-use crate::expression::Value;
+use crate::expression::{Refusal, Value};
 use crate::interpreter::execute::MM_PER_INCH;
+use crate::interpreter::system::unassigned;
 use crate::state::InterpreterState;
 use crate::{Axis, DialectName, LanguageSettings, ToolOffset};
 
 /// Numbers from one work coordinate system to the next.
 const PITCH: u32 = 20;
+
+/// LinuxCNC: the number of the work coordinate system in force.
+const SYSTEM_IN_FORCE: u32 = 5_220;
 
 /// Where the rotation is among the numbers of a system (LinuxCNC).
 const ROTATION: u32 = 9;
@@ -164,6 +169,49 @@ pub(in super::super) fn read(
     })
 }
 
+/// How a tool offset that is in force can be changed.
+pub(super) const CANCEL_OFFSET: &str =
+    "cancel it before (G49 on mills, T with offset 0 on lathes), and call it again behind";
+
+/// Why a register cannot be set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) enum Unassignable {
+    /// No number of a tip.
+    Tip,
+    /// The radius compensation is on.
+    Compensated,
+    /// The coordinates are transformed.
+    Transformed,
+    /// The tool offset of this number is in force.
+    InForce(u32),
+}
+
+impl Unassignable {
+    /// The refusal of an assignment to a variable.
+    pub(in super::super) fn refusal(self, number: u32) -> Refusal {
+        let (why, cure) = match self {
+            Self::InForce(offset) => {
+                return Refusal {
+                    code: code::OFFSET_IN_FORCE,
+                    message: format!("#{number} changes tool offset {offset} while it is in force"),
+                    cure: CANCEL_OFFSET.into(),
+                };
+            }
+            Self::Tip => ("the tip of a tool is 0 to 9", "assign a whole number from 0 to 9"),
+            Self::Compensated => ("the radius compensation is on", BEFORE_OR_BEHIND),
+            Self::Transformed => ("the coordinates are transformed", BEFORE_OR_BEHIND),
+        };
+        Refusal {
+            code: code::PARAMETER_READ_ONLY,
+            message: format!("#{number} cannot be assigned here: {why}"),
+            cure: cure.into(),
+        }
+    }
+}
+
+/// Where a variable can be assigned.
+const BEFORE_OR_BEHIND: &str = "assign it in a block before that is so, or behind its end";
+
 /// Sets a register; why it cannot be set, otherwise.
 pub(in super::super) fn assign(
     state: &mut InterpreterState,
@@ -171,34 +219,30 @@ pub(in super::super) fn assign(
     tools: &[ToolOffset],
     register: Register,
     value: Value,
-) -> Result<(), &'static str> {
+) -> Result<(), Unassignable> {
     // A vacant value clears a register as a zero does.
     let value = value.unwrap_or(0.0);
     let length = |axis: Option<Axis>| value * unit(state, settings, axis);
     match register {
         Register::Tool(number, part) => {
-            let mut row = tool_row(state, tools, number).unwrap_or(ToolOffset::new(number));
+            let before = tool_row(state, tools, number);
+            let mut row = before.unwrap_or(ToolOffset::new(number));
             match part {
                 ToolPart::Geometry(axis) => row.geometry.get_or_insert_default()[axis.index()] = length(Some(axis)),
                 ToolPart::Wear(axis) => row.wear[axis.index()] = length(Some(axis)),
                 ToolPart::Radius => row.radius_mm = Some(length(None)),
                 ToolPart::RadiusWear => row.radius_wear_mm = length(None),
                 ToolPart::Tip if (0.0..=9.0).contains(&value) && value.fract() == 0.0 => row.tip = value as u8,
-                ToolPart::Tip => return Err("the tip of a tool is 0 to 9"),
+                ToolPart::Tip => return Err(Unassignable::Tip),
             }
             let is_radius = matches!(part, ToolPart::Radius | ToolPart::RadiusWear | ToolPart::Tip);
             if is_radius && state.compensation.on.is_some() {
-                return Err("the radius compensation is on");
+                return Err(Unassignable::Compensated);
             }
-            let is_in_force = state.length.number == number || state.length.geometry_number == number;
-            if is_in_force && matches!(part, ToolPart::Geometry(_) | ToolPart::Wear(_)) {
-                return Err("the tool offset is in force");
+            if state.is_in_force(&row, before.as_ref()) {
+                return Err(Unassignable::InForce(number));
             }
-            let rows = &mut state.coords.tables.tools;
-            match rows.iter_mut().find(|present| present.number == number) {
-                Some(present) => *present = row,
-                None => rows.push(row),
-            }
+            state.coords.set_tool(row);
         }
         Register::Reference(number, axis) => {
             state.coords.tables.reference[number].get_or_insert_default()[axis.index()] = value;
@@ -207,11 +251,11 @@ pub(in super::super) fn assign(
         Register::ShiftIsOn => state.coords.tables.shift_is_on = value != 0.0,
         Register::External(_) | Register::System(..) | Register::Rotation(_) => {
             if state.compensation.on.is_some() {
-                return Err("the radius compensation is on");
+                return Err(Unassignable::Compensated);
             }
             let is_transformed = state.coords.polar.is_some() || state.coords.transform.is_some();
             if is_transformed && settings.dialect != DialectName::LinuxCnc || !state.tool_control.is_plain() {
-                return Err("the coordinates are transformed");
+                return Err(Unassignable::Transformed);
             }
             let axis = match register {
                 Register::External(axis) | Register::System(_, axis) => Some(axis),
@@ -252,23 +296,67 @@ fn store(coords: &mut Coordinates, settings: &LanguageSettings, system: WorkSyst
     }
 }
 
-/// Sets the registers that the initial parameters name, as a control finds them when it is switched on.
+/// Sets the registers that the initial parameters name, as a control finds them when it is switched on. Those of tools, and those that
+/// cannot act, wait for the first block, which is read with the table of tools and can be refused.
 pub(crate) fn set_initial_offsets(state: &mut InterpreterState, settings: &LanguageSettings) {
+    let is_linuxcnc = settings.dialect == DialectName::LinuxCnc;
     let offsets = settings.parameters.numbered.range(2_000..);
     for (number, value) in offsets {
-        let Some(register) = Register::of(settings, *number) else { continue };
-        match register {
-            // The job's table of tools has these.
-            Register::Tool(..) => {}
+        let register = Register::of(settings, *number);
+        let acts = match register {
+            _ if is_linuxcnc && *number == SYSTEM_IN_FORCE => select_initial_system(state, *value),
+            Some(Register::Tool(..)) => false,
             // Nothing that could refuse it is on yet.
-            _ => drop(assign(state, settings, &[], register, Some(*value))),
+            Some(register) => assign(state, settings, &[], register, Some(*value)).is_ok(),
+            None => *value == 0.0 || unassigned(settings, *number).is_none(),
+        };
+        if !acts {
+            state.coords.tables.assigned.push((*number, *value));
         }
     }
-    if settings.dialect == DialectName::LinuxCnc {
+    if is_linuxcnc {
         let coords = &mut state.coords;
         coords.take_over_written();
         if coords.tables.shift_is_on {
             coords.shift = coords.tables.stored_shift;
         }
     }
+}
+
+/// LinuxCNC: the number of the work coordinate system in force, which its file of parameters keeps. Whether there is one.
+fn select_initial_system(state: &mut InterpreterState, value: f64) -> bool {
+    let system = WorkSystem::plain(value as u16).filter(|_| value.fract() == 0.0);
+    if let Some(system) = system {
+        state.coords.system = system;
+    }
+    system.is_some()
+}
+
+/// Why a number of an offset is no register here, though it is one of the control; `None` for all others.
+pub(in super::super) fn unassigned_offset(settings: &LanguageSettings, number: u32) -> Option<Refusal> {
+    if settings.dialect == DialectName::LinuxCnc {
+        return (number == SYSTEM_IN_FORCE).then(|| Refusal {
+            code: code::PARAMETER_READ_ONLY,
+            message: format!(
+                "#{SYSTEM_IN_FORCE} is the number of the work coordinate system in force, and selects none here"
+            ),
+            cure: "select it with its code, such as G55; what the job or the profile brings must be 1 to 9".into(),
+        });
+    }
+    let place = match number {
+        5_201..=5_340 => (number - 5_201) % PITCH,
+        7_001..=7_960 => (number - 7_001) % PITCH,
+        14_001..=20_000 => (number - 14_001) % PITCH,
+        _ => return None,
+    };
+    (axis_of(settings.dialect, place).is_none() && place < 9).then(|| Refusal {
+        code: code::PARAMETER_READ_ONLY,
+        message: format!(
+            "#{number} is the offset of axis {} of the control, whose letter the machine's parameters say",
+            place + 1
+        ),
+        cure: "write G10 L2 with the letter of the axis, such as G10 L2 P1 A10., or give the offset with the job's or the profile's \
+               work offsets"
+            .into(),
+    })
 }

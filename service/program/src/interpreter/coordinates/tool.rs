@@ -11,7 +11,7 @@ const TURNING_AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
 impl Execution<'_> {
     /// The offset of a lathe's `T` word: wear and geometry; 0 cancels. Nothing moves, the next words of the axes include it.
     pub(in super::super) fn turning_offset(&mut self, tool: u32, number: u32, span: SourceSpan) {
-        let geometry_number = if self.settings.coordinates.geometry_by_tool && number != 0 { tool } else { number };
+        let geometry_number = self.geometry_number(tool, number);
         let offset = self.turning_offset_mm(tool, [geometry_number, number], span);
         let Some(offset) = offset else { return };
         let length_mm = offset[Axis::Z.index()];
@@ -30,6 +30,11 @@ impl Execution<'_> {
         let before = self.state.length.offset;
         self.rebase(|state| state.length = next);
         self.offset_changed(&before);
+    }
+
+    /// The row of tool offsets that the geometry of a lathe's tool is in, when a `T` word names that tool and an offset.
+    pub(in super::super) const fn geometry_number(&self, tool: u32, number: u32) -> u32 {
+        if self.settings.coordinates.geometry_by_tool && number != 0 { tool } else { number }
     }
 
     fn turning_offset_mm(
@@ -96,7 +101,7 @@ impl Execution<'_> {
         let next = LengthCompensation {
             is_on: true,
             number,
-            geometry_number: 0,
+            geometry_number: number,
             negative: false,
             length_mm,
             offset,

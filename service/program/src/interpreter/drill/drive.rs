@@ -46,7 +46,13 @@ impl Execution<'_> {
         let (feed, speed) = (self.state.feed, self.state.rev_per_min);
         if self.state.surface_speed || speed <= 0.0 {
             if self.state.unread & JUDGED_BY == 0 {
-                self.spindle_finding("a rigid tap needs a constant spindle speed", "write M29 S500 before it");
+                // Under G96 an S, that of M29 as well, is a surface speed.
+                let cure = if self.state.surface_speed {
+                    "switch to a constant speed before it, such as G97 S500"
+                } else {
+                    "write M29 S500 before it"
+                };
+                self.spindle_finding("a rigid tap needs a constant spindle speed", cure);
             }
             return None;
         }

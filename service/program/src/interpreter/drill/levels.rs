@@ -36,7 +36,7 @@ impl Execution<'_> {
         self.check_levels(cycle, index, start, r, bottom)
     }
 
-    /// The R level, from its word or a block before; where nothing has said it, the level of the start but in LinuxCNC.
+    /// The R level, from its word or a block before; where nothing has said it, the level of the start on controls that take that.
     pub(super) fn r_level(&mut self, axis: Axis, along: u32, start: f64) -> Option<f64> {
         let linuxcnc = self.is_linuxcnc();
         let absolute = self.state.absolute;
@@ -54,8 +54,18 @@ impl Execution<'_> {
                 Some(r)
             }
             None if linuxcnc => self.state.drilling.r_level.map(|value| if absolute { value } else { value + start }),
-            None => Some(*self.state.drilling.r_level.get_or_insert(start)),
+            None => {
+                let stored = self.state.drilling.r_level.or_else(|| self.starts_without_r().then_some(start));
+                self.state.drilling.r_level = stored;
+                stored
+            }
         }
+    }
+
+    /// Whether a cycle without R feeds from the level of its start: on Haas controls, and where R is a distance, which is none then.
+    /// Where it is a level, some controls take 0 and others the last one.
+    fn starts_without_r(&self) -> bool {
+        self.is_r_a_distance() || self.settings.is_haas()
     }
 
     fn note_no_r(&mut self, start: f64) {

@@ -3,25 +3,38 @@
 use super::{Effect, Row, System};
 use crate::dialect::FeedUnit;
 use crate::expression::{Value, nearest};
-use crate::state::Motion;
+use crate::state::{Motion, ToolMode};
 use crate::{Axis, DialectName, PathControl, Plane};
 
 pub(super) static ROWS: &[Row] = &[
     (4_001, 4_030, |system, place| modal(system, place + 1).map(Some)),
-    (4_109, 4_109, |system, _| Some(Some(system.state.feed_as_written))),
-    (4_111, 4_111, |system, _| Some(Some(f64::from(system.state.length.number)))),
+    (4_109, 4_109, |system, _| Some(Some(system.state.thread.lead_as_written.unwrap_or(system.state.feed_as_written)))),
+    (4_111, 4_111, |system, _| Some(Some(f64::from(length_number(system))))),
     (4_107, 4_107, |system, _| system.state.compensation.number.map(|number| Some(f64::from(number)))),
-    (4_119, 4_119, |system, _| Some(Some(speed(system)))),
-    (4_120, 4_120, |system, _| Some(Some(f64::from(system.state.tool)))),
+    (4_119, 4_119, |system, _| Some(Some(super::speed(system)))),
+    (4_120, 4_120, |system, _| Some(Some(f64::from(system.state.tool_word)))),
     (4_130, 4_130, |system, _| system.state.coords.system.extended_number().map(|number| Some(f64::from(number)))),
     (5_001, 5_020, |system, place| work(system, place, |_| 0.0)),
-    (5_021, 5_040, |system, place| {
-        let machine = system.machine_position();
-        on_axis(system, place, |axis| machine[axis.index()])
+    (5_021, 5_040, |system, place| axis_at(system, place).and_then(|axis| system.machine(axis)).map(Some)),
+    (5_041, 5_060, |system, place| {
+        // That of the tool, as #5021 is.
+        axis_at(system, place).filter(|axis| system.is_of_tool(*axis))?;
+        work(system, place, |axis| tool_offset(system, axis).unwrap_or(0.0))
     }),
-    (5_041, 5_060, |system, place| work(system, place, |axis| tool_offset(system, axis))),
-    (5_081, 5_100, |system, place| on_axis(system, place, |axis| tool_offset(system, axis))),
+    (5_081, 5_100, |system, place| {
+        let axis = axis_at(system, place)?;
+        Some(Some(system.in_units(axis, tool_offset(system, axis)?)))
+    }),
 ];
+
+/// `H` of the length in force, 0 without one.
+const fn length_number(system: &System<'_>) -> u32 {
+    let control = &system.state.tool_control;
+    match control.mode {
+        ToolMode::Angles | ToolMode::Vectors => control.length_offset,
+        ToolMode::Off | ToolMode::Plane => system.state.length.number,
+    }
+}
 
 /// The axis of this place in the order of the control. Beyond the first ones the order is the machine's.
 fn axis_at(system: &System<'_>, place: u32) -> Option<Axis> {
@@ -46,9 +59,15 @@ fn on_axis(system: &System<'_>, place: u32, value: impl Fn(Axis) -> f64) -> Opti
     system.place(&position, axis).map(Some)
 }
 
-/// The tool offset in effect, mm.
-fn tool_offset(system: &System<'_>, axis: Axis) -> f64 {
-    system.state.length.offset[axis.index()]
+/// The tool offset in effect, mm: in a tilted plane and under tool centre point control the length; `None` where it is not known.
+fn tool_offset(system: &System<'_>, axis: Axis) -> Option<f64> {
+    let control = &system.state.tool_control;
+    match control.mode {
+        ToolMode::Off => Some(system.state.length.offset[axis.index()]),
+        _ if axis != Axis::Z => Some(0.0),
+        ToolMode::Plane => Some(system.state.length.length_mm),
+        ToolMode::Angles | ToolMode::Vectors => control.tool_length_mm,
+    }
 }
 
 /// The work position and something added. What it is under a mirror image, scaling or rotation, controls say differently.
@@ -56,16 +75,6 @@ fn work(system: &System<'_>, place: u32, added: impl Fn(Axis) -> f64) -> Option<
     let is_known = !system.is_transformed();
     let value = |axis: Axis| system.state.position[axis.index()] + added(axis);
     if is_known { on_axis(system, place, value) } else { None }
-}
-
-/// The speed as the program writes it.
-fn speed(system: &System<'_>) -> f64 {
-    let state = system.state;
-    match state.surface_speed {
-        true if state.inch => state.m_per_min / 0.3048,
-        true => state.m_per_min,
-        false => state.rev_per_min,
-    }
 }
 
 /// The G code of a modal group in force before the block; `None` where the group is not kept.
@@ -91,14 +100,16 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
         6 => choose(state.inch, 20.0, 21.0),
         7 => Some(match state.compensation.on {
             None => 40.0,
-            Some(on) if on.mode.left => 41.0,
+            Some(on) if on.left => 41.0,
             Some(_) => 42.0,
         }),
-        8 if !is_lathe => match (state.length.is_on, state.length.negative) {
-            (false, _) => Some(49.0),
-            (_, false) => Some(43.0),
-            (_, true) => Some(44.0),
-        },
+        8 if !is_lathe => Some(match (state.tool_control.mode, state.length.is_on) {
+            (ToolMode::Angles, _) => 43.4,
+            (ToolMode::Vectors, _) => 43.5,
+            (_, false) => 49.0,
+            (_, true) if state.length.negative => 44.0,
+            (_, true) => 43.0,
+        }),
         9 if !is_lathe && state.drilling.cycle.is_none() => Some(80.0),
         11 if !is_lathe => choose(transform.is_some_and(|it| it.scaling.is_some()), 51.0, 50.0),
         13 if !is_lathe => choose(state.surface_speed, 96.0, 97.0),

@@ -8,7 +8,7 @@ use crate::interpreter::coordinates::tool_row;
 use crate::{Axis, Plane, Position, SpindleDirection, ToolOffset};
 
 pub(super) static ROWS: &[Row] = &[
-    (5_021, 5_029, |system, place| axis(place).and_then(|axis| machine(system, axis)).map(Some)),
+    (5_021, 5_029, |system, place| axis(place).and_then(|axis| system.machine(axis)).map(Some)),
     (5_081, 5_089, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
     (5_220, 5_220, |system, _| Some(system.state.coords.system.plain_number().map(f64::from))),
     (5_399, 5_399, |system, _| Some(Some(system.settings.input_result))),
@@ -20,7 +20,10 @@ pub(super) static ROWS: &[Row] = &[
     (5_411, 5_411, |system, _| Some(Some(spindle_tool(system)?.front_angle_deg))),
     (5_412, 5_412, |system, _| Some(Some(spindle_tool(system)?.back_angle_deg))),
     (5_413, 5_413, |system, _| Some(Some(orientation(spindle_tool(system)?.tip)))),
-    (5_420, 5_428, |system, place| axis(place).and_then(|axis| work(system, axis)).map(Some)),
+    (5_420, 5_428, |system, place| {
+        // LinuxCNC refuses them while the radius is compensated, whatever the axis.
+        axis(place).filter(|_| system.state.compensation.on.is_none()).and_then(|axis| work(system, axis)).map(Some)
+    }),
 ];
 
 /// Whether the value of a name comes from outside the interpreter: pins, the configuration, and predefined names that only the
@@ -39,14 +42,9 @@ fn axis(place: u32) -> Option<Axis> {
     Axis::ALL.get(place as usize).copied()
 }
 
-/// Programmed position in the units of the program.
+/// Position of the tool in work coordinates, in the units of the program; `None` beside a contour.
 fn work(system: &System<'_>, axis: Axis) -> Option<f64> {
-    system.place(&system.state.position, axis)
-}
-
-/// Machine position in the units of the program.
-fn machine(system: &System<'_>, axis: Axis) -> Option<f64> {
-    system.place(&system.machine_position(), axis)
+    if system.is_of_tool(axis) { system.place(&system.state.position, axis) } else { None }
 }
 
 /// The row of the tool in the spindle, in machine units; without a tool everything is 0, and `None` where its row is not known.
@@ -103,7 +101,7 @@ static NAMES: &[(&str, Read)] = &[
     ("_line", |system| Some(f64::from(system.state.lines))),
     ("_motion_mode", |system| Some(f64::from(system.state.motion_code))),
     ("_plane", |system| Some(plane(system.state.plane))),
-    ("_ccomp", |_| Some(400.0)),
+    ("_ccomp", |system| Some(compensation(system))),
     ("_metric", |system| truth(!system.state.inch)),
     ("_imperial", |system| truth(system.state.inch)),
     ("_absolute", |system| truth(system.state.absolute)),
@@ -124,12 +122,13 @@ static NAMES: &[(&str, Read)] = &[
     ("_spindle_cw", |system| truth(system.state.spindle_direction == SpindleDirection::Clockwise)),
     ("_mist", |system| truth(system.state.coolant.mist)),
     ("_flood", |system| truth(system.state.coolant.flood)),
-    ("_speed_override", |_| truth(true)),
-    ("_feed_override", |_| truth(true)),
-    ("_adaptive_feed", |_| truth(false)),
-    ("_feed_hold", |_| truth(false)),
+    ("_speed_override", |system| truth(system.state.machine.overrides.speed)),
+    ("_feed_override", |system| truth(system.state.machine.overrides.feed)),
+    ("_adaptive_feed", |system| truth(system.state.machine.overrides.adaptive_feed)),
+    ("_feed_hold", |system| truth(system.state.machine.overrides.feed_hold)),
     ("_feed", |system| Some(system.state.feed_as_written)),
-    ("_rpm", |system| Some(system.state.rev_per_min)),
+    // The number S, whatever it stands for.
+    ("_rpm", |system| Some(super::speed(system))),
     ("_x", |system| work(system, Axis::X)),
     ("_y", |system| work(system, Axis::Y)),
     ("_z", |system| work(system, Axis::Z)),
@@ -139,12 +138,12 @@ static NAMES: &[(&str, Read)] = &[
     ("_u", |system| work(system, Axis::U)),
     ("_v", |system| work(system, Axis::V)),
     ("_w", |system| work(system, Axis::W)),
-    ("_abs_x", |system| machine(system, Axis::X)),
-    ("_abs_y", |system| machine(system, Axis::Y)),
-    ("_abs_z", |system| machine(system, Axis::Z)),
-    ("_abs_a", |system| machine(system, Axis::A)),
-    ("_abs_b", |system| machine(system, Axis::B)),
-    ("_abs_c", |system| machine(system, Axis::C)),
+    ("_abs_x", |system| system.machine(Axis::X)),
+    ("_abs_y", |system| system.machine(Axis::Y)),
+    ("_abs_z", |system| system.machine(Axis::Z)),
+    ("_abs_a", |system| system.machine(Axis::A)),
+    ("_abs_b", |system| system.machine(Axis::B)),
+    ("_abs_c", |system| system.machine(Axis::C)),
     ("_current_tool", |system| Some(f64::from(system.state.tool))),
     ("_selected_tool", |system| Some(f64::from(system.state.next_tool.unwrap_or(0)))),
     ("_current_pocket", |_| None),
@@ -168,6 +167,15 @@ pub(super) fn named(system: &System<'_>, name: &Name) -> Option<f64> {
 /// Whether a name is predefined, so that it cannot be assigned.
 pub(super) fn is_predefined(name: &Name) -> bool {
     name.is_global() && NAMES.iter().any(|(text, _)| *text == name.as_str())
+}
+
+/// Ten times the code of the compensation of the radius; that of the side for `G41.1` and `G42.1`.
+fn compensation(system: &System<'_>) -> f64 {
+    match system.state.compensation.on {
+        None => 400.0,
+        Some(on) if on.left => 410.0,
+        Some(_) => 420.0,
+    }
 }
 
 const fn plane(plane: Plane) -> f64 {

@@ -105,6 +105,104 @@ fn section_2_modes_fanuc() {
     assert_eq!(value(&LanguageSettings::mill(), "", "#4001"), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()));
 }
 
+/// `#4120` is the last T word, whatever is in the spindle.
+#[test]
+fn section_2_the_last_tool_word_fanuc() {
+    check(&LanguageSettings::mill(), "T1 M6\nT2", &[("#4120", 2.0)]);
+    check(&LanguageSettings::mill(), "T1 M6", &[("#4120", 1.0)]);
+    check(&LanguageSettings::default(), "T0101", &[("#4120", 101.0)]);
+    let mut settings = LanguageSettings::mill();
+    settings.code_replacements = vec![crate::CodeReplacement { code: "M6".to_owned(), words: "M98 P9001".to_owned() }];
+    let program = b"O1\nT1 M6\nT2 M6\nM30\nO9001\nG0 X[#4120*10]\nM6\nM99\n";
+    let (operations, findings) = crate::interpret(program, settings);
+    let ends = operations.iter().filter_map(|operation| match &operation.kind {
+        crate::OperationKind::Move(step) => Some(step.end[0]),
+        _ => None,
+    });
+    assert_eq!(ends.collect::<Vec<_>>(), [10.0, 20.0], "{:?}", findings.findings());
+}
+
+#[test]
+fn section_2_modes_are_those_that_are_written_fanuc() {
+    let lathe = LanguageSettings::default();
+    let thread = "G97 S300 M3\nG0 X30 Z5\nG1 X29 F0.2\nG32 Z-5 F1.5";
+    check(&lathe, thread, &[("#4109", 1.5)]);
+    check(&lathe, &format!("{thread}\nG1 X30 F.3"), &[("#4109", 0.3)]);
+    let mill = LanguageSettings::mill();
+    for (before, radius) in [("", 3.0), ("", -3.0), ("G51.1 X0", 3.0), ("G51.1 X0", -3.0)] {
+        for (code, expected) in [("G41", 41.0), ("G42", 42.0)] {
+            let program = format!("G10 L12 P3 R{radius}\nG0 X0 Y0\n{before}\n{code} D3 G1 X10 F500");
+            check(&mill, &program, &[("#4007", expected)]);
+        }
+    }
+}
+
+/// In a tilted plane, under tool centre point control and beside a contour the machine is not where work and offsets say.
+#[test]
+fn section_2_places_that_only_the_machine_knows() {
+    let mill = with_offsets(LanguageSettings::mill());
+    let refuses = |settings: &LanguageSettings, program: &str, texts: &[&str]| {
+        for text in texts {
+            let found = value(settings, program, text);
+            assert_eq!(found, Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "{text} behind {program}");
+        }
+    };
+    let plane = "T1 M6\nG43 H1\nG68.2 X5 Y6 Z7 I20 J30 K0\nG53.1\nG0 X1 Y2 Z50";
+    let known = [("#5081", 0.0), ("#5083", 100.0), ("#4111", 1.0)];
+    check(&mill, plane, &[&known[..], &[("#5001", 1.0), ("#5003", 50.0), ("#4008", 43.0)]].concat());
+    let angles = "T1 M6\nG43.4 H1\nG0 X1 Y2 Z50 A0 C0";
+    check(&mill, angles, &[&known[..], &[("#5001", 1.0), ("#4008", 43.4)]].concat());
+    let vectors = "T1 M6\nG43.5 H1\nG0 X1 Y2 Z50 I0 J0 K1";
+    check(&mill, vectors, &[&known[..], &[("#5001", 1.0), ("#4008", 43.5)]].concat());
+    for program in [plane, angles, vectors] {
+        refuses(&mill, program, &["#5021", "#5023", "#5041", "#5043"]);
+    }
+    check(&mill, "G43.4 H1\nG49", &[("#4008", 49.0), ("#4111", 0.0), ("#5083", 0.0)]);
+    let contour = "G10 L12 P3 R3\nG0 X0 Y0 Z5\nG41 D3 G1 X10 F500\nY20";
+    for program in [contour, &format!("{contour}\nG40")] {
+        refuses(&mill, program, &["#5021", "#5022", "#5041"]);
+        check(&mill, program, &[("#5001", 10.0), ("#5023", 15.0), ("#5043", 5.0)]);
+    }
+    check(&mill, &format!("{contour}\nG40 X-20"), &[("#5021", 80.0), ("#5041", -20.0)]);
+    let linuxcnc = LanguageSettings::linuxcnc();
+    let contour = "G0 X0 Y0\nG41.1 D6 G1 X10 F100\nY20";
+    refuses(&linuxcnc, contour, &["#<_x>", "#<_abs_y>", "#5021", "#5420", "#5422"]);
+    check(&linuxcnc, contour, &[("#<_z>", 0.0), ("#<_ccomp>", 410.0)]);
+    check(&linuxcnc, "G0 X20\nG42.1 D6 G1 X50 Y0 F100", &[("#<_ccomp>", 420.0)]);
+    check(&linuxcnc, &format!("{contour}\nG40 X-20"), &[("#<_ccomp>", 400.0), ("#<_x>", -20.0), ("#5420", -20.0)]);
+}
+
+/// As its interpreter has them.
+#[test]
+fn section_2_overrides_and_speed_linuxcnc() {
+    let settings = LanguageSettings::linuxcnc();
+    for (program, [feed, speed, adaptive, hold]) in [
+        ("", [1.0, 1.0, 0.0, 1.0]),
+        ("M49", [0.0, 0.0, 0.0, 1.0]),
+        ("M49\nM48", [1.0, 1.0, 0.0, 1.0]),
+        ("M50 P0", [0.0, 1.0, 0.0, 1.0]),
+        ("M49\nM50 P1", [1.0, 0.0, 0.0, 1.0]),
+        ("M51 P0\nM52\nM53 P0", [1.0, 0.0, 1.0, 0.0]),
+        ("M52\nM52 P0\nM53 P0\nM53", [1.0, 1.0, 0.0, 1.0]),
+        ("M70\nM49\nM52\nM53 P0\nM72", [1.0, 1.0, 1.0, 0.0]),
+        // One code is restored for both, that of the one that was on.
+        ("M50 P0\nM70\nM48\nM72", [1.0, 1.0, 0.0, 1.0]),
+    ] {
+        check(
+            &settings,
+            program,
+            &[
+                ("#<_feed_override>", feed),
+                ("#<_speed_override>", speed),
+                ("#<_adaptive_feed>", adaptive),
+                ("#<_feed_hold>", hold),
+            ],
+        );
+    }
+    check(&settings, "G96 D2000 S150 M3", &[("#<_rpm>", 150.0)]);
+    check(&settings, "G96 D2000 S150 M3\nG97 S300", &[("#<_rpm>", 300.0)]);
+}
+
 #[test]
 fn section_2_the_clock_is_refused_unless_the_job_brings_it() {
     let mut mill = LanguageSettings::mill();

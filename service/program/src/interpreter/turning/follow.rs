@@ -19,7 +19,7 @@ use super::request::{Job, Request, Whereabouts};
 use crate::compensation::geometry::Point;
 use crate::dialect::Group;
 use crate::finding::FindingMark;
-use crate::state::{Motion, RadiusCompensation};
+use crate::state::{Motion, RadiusCompensation, ThreadModes};
 use crate::{Axis, Finding, FindingLog, Operation, Place, Position, SourceSpan, code};
 
 /// A cycle along a contour that is being carried out.
@@ -82,7 +82,7 @@ struct Modes {
     saved: SavedModes,
     position: Position,
     motion: Motion,
-    lead_mm: Option<f64>,
+    thread: ThreadModes,
     tool: u32,
     next_tool: Option<u32>,
     compensation: RadiusCompensation,
@@ -232,7 +232,7 @@ impl Interpreter {
             saved: SavedModes::of(&self.state).without_compensation(),
             position: self.state.position,
             motion: self.state.motion,
-            lead_mm: self.state.thread.lead_mm,
+            thread: self.state.thread,
             tool: self.state.tool,
             next_tool: self.state.next_tool,
             compensation: self.state.compensation,
@@ -452,7 +452,7 @@ impl Interpreter {
         state.reported = reported;
         state.position = modes.position;
         state.motion = modes.motion;
-        state.thread.lead_mm = modes.lead_mm;
+        (state.thread.lead_mm, state.thread.lead_as_written) = (modes.thread.lead_mm, modes.thread.lead_as_written);
         (state.tool, state.next_tool) = (modes.tool, modes.next_tool);
         state.compensation = modes.compensation;
     }

@@ -86,3 +86,95 @@ fn an_incremental_word_behind_another_offset_is_refused() {
         assert_eq!(run(program), [""; 0], "{program}");
     }
 }
+
+/// Programs and positions are those of its interpreter.
+#[test]
+fn modes_are_restored_by_their_codes_in_linuxcnc() {
+    let shifts = "o1 sub\nM73\nG92 X20\nX21\no1 endsub\nG0 X1\nM70\nG92 X5\nX6\nM72\nX7\nG92 X10\nM70\nG92.2\nX8\nM72\nX9\n\
+                  M70\nG92.1\nX3\nM72\nX4\nM70\nG52 X2\nM72\nX5\nG92.1\no1 call\nX22";
+    let expected = [1.0, 2.0, 7.0, 8.0, 6.0, 3.0, 4.0, 7.0, 8.0, 22.0].map(|x| [x, 0.0, 0.0]);
+    ends(&linuxcnc(), shifts, &expected);
+    resumes(&linuxcnc(), shifts);
+    // G43 is the tool in the spindle as the table has it, and leaves alone any offset that is in force.
+    let lengths = "T1 M6\nG43\nG0 Z1\nM70\nG49\nZ2\nM72\nZ3\nG49\nM70\nG43 H2\nZ4\nM72\nZ5\nG43.1 Z7\nM70\nG43 H1\nZ6\nM72\n\
+                   Z7\nG43 H1\nM70\nG43 H2\nZ8\nM72\nZ9\nG43 H1\nM70\nG10 L1 P1 Z110\nG49\nZ10\nM72\nZ11";
+    let run = run_with(&linuxcnc(), &tools(), lengths);
+    assert_eq!(run.findings, ["11:PRG-LENGTH-OTHER-TOOL", "23:PRG-LENGTH-OTHER-TOOL"]);
+    let expected = [101.0, 2.0, 103.0, 54.0, 5.0, 106.0, 107.0, 58.0, 59.0, 10.0, 121.0].map(|z| [0.0, 0.0, z]);
+    same(lengths, &run.moves.iter().map(|(_, end)| *end).collect::<Vec<_>>(), &expected);
+}
+
+/// `G96` comes back without its clamp, and leaves alone the one in force.
+#[test]
+fn the_clamp_of_g96_is_not_restored_in_linuxcnc() {
+    check(
+        &linuxcnc(),
+        "G96 D2000 S100 M3\nM70\nG97 S300\nM72",
+        "spindle cw 100 m/min max 2000\nspindle cw 300\nspindle cw 100 m/min max inf\nw 4:1+3 PRG-SPEED-CLAMP-MISSING",
+    );
+    check(
+        &linuxcnc(),
+        "G96 D2000 S100 M3\nM70\nG96 D1500 S80\nM72",
+        "spindle cw 100 m/min max 2000\nspindle cw 80 m/min max 1500\nspindle cw 100 m/min max 1500",
+    );
+}
+
+#[test]
+fn another_unit_under_an_offset_is_told_in_linuxcnc() {
+    finds(&linuxcnc(), "G43.1 Z10\nG21\nG20", &["3:PRG-LENGTH-UNIT"]);
+    finds(&linuxcnc(), "G43.1 Z10\nG49\nG20", &[]);
+    finds(&mill(), "G43 H1\nG20", &[]);
+}
+
+/// With `geometry_by_tool` radius and tip are of the tool's row, the wear of the radius of the offset's.
+#[test]
+fn the_nose_is_of_the_row_of_the_geometry() {
+    let mut settings = lathe();
+    settings.coordinates.geometry_by_tool = true;
+    let nose = |number, tip, radius| {
+        let geometry = Some(Position::default());
+        ToolOffset { tip, geometry, ..ToolOffset::new(number) }.with_radius(radius)
+    };
+    let (tool, other) = (nose(1, 3, 0.8), nose(11, 2, 0.4));
+    let cuts = |rows: &[ToolOffset], word: &str| {
+        let run = run_with(
+            &settings,
+            rows,
+            &format!("G97 S500 M3\n{word}\nG0 X30 Z10\nG42 G1 X20 Z5 F0.1\nZ-10\nX40\nG40 G0 X80 Z0"),
+        );
+        assert_eq!(run.findings, [""; 0]);
+        run.moves
+    };
+    assert_eq!(cuts(&[tool, other], "T0111"), cuts(&[tool], "T0101"));
+    let wear = ToolOffset { radius_wear_mm: -0.1, ..ToolOffset::new(11) };
+    assert_eq!(cuts(&[tool, wear], "T0111"), cuts(&[nose(1, 3, 0.8 - 0.1)], "T0101"));
+    let unknown = run_with(&settings, &[wear], "G97 S500 M3\nT0111\nG42 G1 X20 F0.1").findings;
+    assert_eq!(unknown, ["3:PRG-COMP-NUMBER"]);
+}
+
+/// Of the rows that a `T` word names, one is in force with its geometry and one with its wear.
+#[test]
+fn what_is_not_in_force_of_a_row_may_be_changed() {
+    let mut settings = lathe();
+    settings.coordinates.geometry_by_tool = true;
+    let rows = [1, 11].map(|number| ToolOffset::new(number).with_length(50.0));
+    for (change, is_refused) in [
+        ("G10 P1 X1", false),
+        ("#2001=1", false),
+        ("G10 P10011 X1", false),
+        ("#2711=1", false),
+        ("G10 P11 R1", false),
+        ("G10 P11 X1", true),
+        ("#2011=1", true),
+        ("G10 P10001 Z1", true),
+        ("#2801=1", true),
+    ] {
+        let expected: &[&str] = if is_refused { &["2:PRG-OFFSET-IN-FORCE"] } else { &[] };
+        assert_eq!(run_with(&settings, &rows, &format!("T0111\n{change}")).findings, expected, "{change}");
+    }
+    // The length of the tip that is led.
+    for change in ["G10 L10 P1 R105", "#11001=105", "#10001=1"] {
+        let program = format!("G43.4 H1\nG0 X0 Y0 Z50 A0 C0\n{change}");
+        assert_eq!(run_with(&mill(), &tools(), &program).findings, ["3:PRG-OFFSET-IN-FORCE"], "{change}");
+    }
+}

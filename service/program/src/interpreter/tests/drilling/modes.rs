@@ -148,7 +148,7 @@ fn fanuc_forgets_with_the_mode() {
     let drilled = "rapid Z10 -> Z2
          line Z2 -> Z-5 @100/min
          rapid Z-5 -> Z10";
-    let missing = |line: u32| format!("{drilled}\n! {line}:1+6 PRG-CYCLE-WORD");
+    let missing = |line: u32| format!("{drilled}\n! {line}:1+6 PRG-CYCLE-WORD\n! {line}:1+6 PRG-CYCLE-WORD");
     drills(&mill(), "G81 X0 Z-5 R2 F100\nG80\nG81 X2", &missing(5));
     drills(&mill(), "G81 X0 Z-5 R2 F100\nG1\nG81 X2", &missing(5));
 }
@@ -162,12 +162,17 @@ fn g80_and_axis_words() {
     drills(&mill(), "G80 G0 X1", "rapid Z10 -> X1 Z10");
 }
 
+/// On Haas controls, and where R is a distance; elsewhere controls differ.
 #[test]
 fn without_r_the_tool_feeds_from_the_level_of_its_start() {
     let expected = "line Z10 -> Z-5 @100/min\nrapid Z-5 -> Z10\nrapid Z10 -> X2 Z10\nline X2 Z10 -> X2 Z-5 @100/min\n\
                     rapid X2 Z-5 -> X2 Z10\ni 3:1+16 PRG-CYCLE-NO-R";
+    drills(&haas(), "G81 X0 Z-5. F100\nX2.", expected);
+    let expected = "line Z10 -> Z-5 @100/min\nrapid Z-5 -> Z10\ni 3:1+21 PRG-CYCLE-NO-R";
     for settings in [mill(), haas()] {
-        drills(&settings, "G81 X0 Z-5. F100\nX2.", expected);
+        drills(&settings, "G91 G81 X0 Z-15. F100", expected);
     }
-    drills(&linuxcnc(), "G81 X0 Z-5. F100", "! 3:1+16 PRG-CYCLE-WORD");
+    for settings in [mill(), linuxcnc()] {
+        drills(&settings, "G81 X0 Z-5. F100", "! 3:1+16 PRG-CYCLE-WORD");
+    }
 }
