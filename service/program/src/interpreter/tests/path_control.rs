@@ -96,6 +96,16 @@ fn tolerances_that_cannot_be() {
     let (_, findings) = interpret(b"G64 P.01 Q.02\nM30", mill());
     let [finding] = findings.findings() else { panic!("{findings:?}") };
     assert_eq!(finding.suggestions[0].replacement.as_deref(), Some("Q0.01"));
+    // The cure is in the unit of the program, for the letter that is wrong.
+    let cure = |program: &str| {
+        let (_, findings) = interpret(program.as_bytes(), mill());
+        findings.findings()[0].suggestions[0].message.clone()
+    };
+    for (program, usual) in
+        [("G64 P11\nM30", "P0.01"), ("G20\nG64 P1\nM30", "P0.0004"), ("G20\nG64 P.1 Q1\nM30", "Q0.0004")]
+    {
+        assert!(cure(program).ends_with(usual), "{program}: {}", cure(program));
+    }
     // P and Q belong to G64 alone, and only one code of the group fits a block.
     check(
         &mill(),

@@ -76,3 +76,11 @@ fn g33_1_goes_in_and_out_with_the_spindle() {
     drills(&linuxcnc(), "G33.1 Z-8", "! 3:1+9 PRG-CYCLE-WORD");
     check(&linuxcnc(), "G33.1 Z-8 K1", "! 1:1+12 PRG-SPINDLE-STOPPED");
 }
+
+/// Under `G96` the S of `M29` is a surface speed, so that it is no cure.
+#[test]
+fn a_rigid_tap_under_surface_speed_asks_for_a_constant_one() {
+    let (_, findings) = interpret(b"G96 S100 M3\nG0 Z10\nM29 S400\nG84 X5 Z-8 R2 F1000\nM30\n", mill());
+    let found = findings.findings().iter().find(|it| it.code.name() == "PRG-CYCLE-SPINDLE");
+    assert!(found.is_some_and(|it| it.suggestions[0].message.contains("G97")), "{findings:?}");
+}
