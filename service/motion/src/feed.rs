@@ -33,7 +33,8 @@ pub type Stretches = SmallVec<[Stretch; 1]>;
 /// within a stretch both speeds are constant, the feed per revolution is exactly the programmed one, and the surface
 /// speed is never above the programmed one and at most 1 % below it. Should that take more than 2048 stretches (a
 /// spiral of many turns through X0), the last one is as slow as its largest radius asks for. The machine's top speed
-/// clamps the spindle. A rapid runs with the spindle speed of its largest radius.
+/// clamps the spindle. On a rapid the spindle takes the speed of its end at once, as controls
+/// do that look only there.
 ///
 /// The element is divided where its limits change, too.
 #[must_use]
@@ -106,7 +107,7 @@ fn commanded(element: &Element, feed: Feed, spindle: &Spindle, machine: &Machine
     let moves_x = element.largest_tangent()[x] > 0.0;
     let follows_radius = matches!(spindle.speed, SpindleSpeed::Surface { .. }) && moves_x && !element.rapid;
     if !follows_radius {
-        let radius_mm = if element.rapid { largest_radius_mm } else { element.start[x].abs() };
+        let radius_mm = if element.rapid { element.end[x].abs() } else { element.start[x].abs() };
         return smallvec![stretch(element.length, spindle_at(radius_mm))];
     }
 

@@ -32,6 +32,8 @@ pub(crate) struct Coordinates {
     pub(crate) local: Position,
     /// `G92` and `G50`; in LinuxCNC `G52` as well.
     pub(crate) shift: Position,
+    /// The offsets without the tool's: where the coordinates of the program lie, whichever tool is in the spindle.
+    pub(crate) frame: Position,
     /// What machine coordinates are more than work coordinates: all offsets together.
     pub(crate) total: Position,
     /// From programmed positions to work coordinates, where it does anything.
@@ -136,6 +138,7 @@ impl Coordinates {
             work_shift: zero,
             local: zero,
             shift: zero,
+            frame: zero,
             total: zero,
             transform: None,
             polar: None,
@@ -203,9 +206,10 @@ impl Coordinates {
                 rotation.map(|rotation| Box::new(Transform { rotation: Some(rotation), ..Transform::default() }));
         }
         let local = self.local(settings);
-        self.total = core::array::from_fn(|axis| {
-            offset[axis] + self.external[axis] + self.work_shift[axis] + local[axis] + shift[axis] + tool[axis]
+        self.frame = core::array::from_fn(|axis| {
+            offset[axis] + self.external[axis] + self.work_shift[axis] + local[axis] + shift[axis]
         });
+        self.total = sum(&self.frame, tool);
     }
 
     /// Work coordinates of a programmed position.

@@ -28,7 +28,13 @@ pub enum OperationKind {
     /// Axis motion that depends on the kinematics of the machine (`G43.4`, `G43.5`).
     Guided(Box<GuidedMove>),
     /// Stand still (`G4`).
-    Dwell(DwellTime),
+    Dwell {
+        /// For so long.
+        time: DwellTime,
+        /// Work offset here: constant surface speed goes by X in these coordinates, which may be others than those of the
+        /// move before.
+        work_offset: Position,
+    },
     /// The spindle starts, stops, or its commanded speed changes.
     Spindle(Spindle),
     /// `T` word: the tool number and, on lathes, the offset number.
@@ -121,6 +127,8 @@ pub struct ThreadMove {
     pub end: Position,
     /// Work offset: machine position = work position + offset, per axis.
     pub work_offset: Position,
+    /// The work offset without the tool's: where the coordinates of the program lie.
+    pub frame_offset: Position,
     /// Travel per spindle revolution along whichever of X (radius) and Z travels further, mm; of a tap along its path.
     pub lead_mm: f64,
     /// Spindle angle from the thread-start reference point at which the lead axis starts (`Q`), degrees.
@@ -364,6 +372,8 @@ pub struct FunctionCommand {
     pub on: bool,
     /// Whether the program writes lengths in inches here, for suggested replacements; the words are mm all the same.
     pub inch: bool,
+    /// Where the coordinates of the program lie here: the work offset without the tool's.
+    pub frame_offset: Position,
     /// The block's words for it, each letter at most once.
     pub words: Vec<FunctionWord>,
 }

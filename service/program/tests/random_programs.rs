@@ -22,7 +22,7 @@ fn printed(operations: &[Operation]) -> String {
     for operation in operations {
         match &operation.kind {
             OperationKind::Move(step) => print_move(step, &mut text),
-            OperationKind::Dwell(feedwave_program::DwellTime::Seconds(seconds)) => {
+            OperationKind::Dwell { time: feedwave_program::DwellTime::Seconds(seconds), .. } => {
                 writeln!(text, "G4 P{seconds}").unwrap();
             }
             OperationKind::Spindle(spindle) => {

@@ -30,7 +30,7 @@ pub fn action_to_proto(operation: &Operation, programs: &[String]) -> proto::Act
         OperationKind::Move(step) => motion(step, &mut action),
         OperationKind::Guided(guided) => guided_motion(guided, &mut action),
         OperationKind::Thread(pass) => thread(pass, &mut action),
-        OperationKind::Dwell(time) => {
+        OperationKind::Dwell { time, .. } => {
             match time {
                 DwellTime::Seconds(seconds) => action.dwell_s = Some(*seconds),
                 DwellTime::Revolutions(revolutions) => action.dwell_rev = Some(*revolutions),

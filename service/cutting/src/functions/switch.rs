@@ -94,7 +94,7 @@ impl<T: Modal> Switch<T> {
 
 #[cfg(test)]
 mod tests {
-    use feedwave_program::Function;
+    use feedwave_program::{Function, Position};
 
     use super::*;
     use crate::functions::path_vibration::code;
@@ -117,7 +117,13 @@ mod tests {
         let (mut switch, mut findings) = (Switch::<On>::default(), FindingLog::default());
         for &(line, on, usable) in turns {
             let span = SourceSpan { line, column: 1, length: 4, ..SourceSpan::default() };
-            let command = FunctionCommand { function: Function::PathVibration, on, words: Vec::new(), inch: false };
+            let command = FunctionCommand {
+                function: Function::PathVibration,
+                on,
+                words: Vec::new(),
+                inch: false,
+                frame_offset: Position::default(),
+            };
             switch.turn(&command, span, &mut findings, |_| usable.then_some(On(span)));
             assert_eq!((switch.is_on(), switch.is_unusable()), (on && usable, on && !usable));
         }

@@ -352,6 +352,11 @@ impl Execution<'_> {
         }
     }
 
+    /// Stands still under the work offset in force.
+    pub(super) fn dwell_for(&mut self, span: SourceSpan, time: DwellTime) {
+        self.emit(span, OperationKind::Dwell { time, work_offset: self.machine_offset() });
+    }
+
     fn dwell(&mut self) {
         let Some((Meaning::Dwell, span)) = self.code(Group::NonModal) else {
             return;
@@ -371,7 +376,7 @@ impl Execution<'_> {
             && per_revolution
             && word.number.value() >= 0.0
         {
-            return self.emit(span, OperationKind::Dwell(DwellTime::Revolutions(word.number.value())));
+            return self.dwell_for(span, DwellTime::Revolutions(word.number.value()));
         }
         let seconds = first.map(|(word, is_p)| {
             let value = word.number.value();
@@ -384,7 +389,7 @@ impl Execution<'_> {
             if thousandths { value / 1_000.0 } else { value }
         });
         match seconds {
-            Some(seconds) if seconds >= 0.0 => self.emit(span, OperationKind::Dwell(DwellTime::Seconds(seconds))),
+            Some(seconds) if seconds >= 0.0 => self.dwell_for(span, DwellTime::Seconds(seconds)),
             Some(seconds) => self.findings.push_with(code::DWELL_TIME, |code| {
                 Finding::new(code, span, format!("the dwell lasts {seconds} s, but must not be negative"))
                     .with_value("time", seconds, "s")

@@ -52,7 +52,7 @@ impl Execution<'_> {
                 Finding::new(code, word_span, message).suggest("write it in a block of its own")
             });
         }
-        Some((span, FunctionCommand { function, on, inch: self.state.inch, words }))
+        Some((span, FunctionCommand { function, on, inch: self.state.inch, frame_offset: self.frame_offset(), words }))
     }
 
     /// Whether a function is switched off that an error has kept from being on: that was reported, and is no second error.

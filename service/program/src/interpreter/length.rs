@@ -240,4 +240,10 @@ impl Execution<'_> {
     pub(super) const fn machine_offset(&self) -> Position {
         self.state.coords.total
     }
+
+    /// What machine coordinates are more than work coordinates but for the tool, per axis.
+    #[inline]
+    pub(super) const fn frame_offset(&self) -> Position {
+        self.state.coords.frame
+    }
 }

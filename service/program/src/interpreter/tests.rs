@@ -147,8 +147,8 @@ fn render_operation(operation: &Operation) -> String {
         OperationKind::Thread(step) => thread(step),
         OperationKind::Move(step) => plain_move(step),
         OperationKind::Guided(guided) => guided_move(guided),
-        OperationKind::Dwell(DwellTime::Seconds(time)) => format!("dwell {}", number(*time)),
-        OperationKind::Dwell(DwellTime::Revolutions(turns)) => format!("dwell {} rev", number(*turns)),
+        OperationKind::Dwell { time: DwellTime::Seconds(time), .. } => format!("dwell {}", number(*time)),
+        OperationKind::Dwell { time: DwellTime::Revolutions(turns), .. } => format!("dwell {} rev", number(*turns)),
         OperationKind::Spindle(spindle) => {
             let sense = match spindle.direction {
                 SpindleDirection::Stopped => "off",

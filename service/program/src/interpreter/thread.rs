@@ -364,6 +364,7 @@ impl Execution<'_> {
             start: self.state.position,
             end,
             work_offset: self.machine_offset(),
+            frame_offset: self.frame_offset(),
             lead_mm: cut.lead_mm,
             start_angle_deg: cut.start_angle_deg,
             thread_start: 0,

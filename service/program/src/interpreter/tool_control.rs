@@ -110,10 +110,13 @@ impl Execution<'_> {
         let on = value == 1.0;
         if on != self.state.tool_control.thinning {
             self.state.tool_control.thinning = on;
-            let command =
-                FunctionCommand { function: Function::Thinning, on, inch: self.state.inch, words: Vec::new() };
-            self.emit(span, OperationKind::Function(command));
+            self.emit(span, OperationKind::Function(self.thinning(on)));
         }
+    }
+
+    fn thinning(&self, on: bool) -> FunctionCommand {
+        let (inch, frame_offset) = (self.state.inch, self.frame_offset());
+        FunctionCommand { function: Function::Thinning, on, inch, frame_offset, words: Vec::new() }
     }
 
     /// The code that switches thinning: whether it is carried out.
@@ -140,9 +143,7 @@ impl Execution<'_> {
             held = held.with(AxisSet::ROTARY);
         }
         if std::mem::take(&mut control.thinning) {
-            let command =
-                FunctionCommand { function: Function::Thinning, on: false, inch: self.state.inch, words: Vec::new() };
-            self.emit(self.block.span(), OperationKind::Function(command));
+            self.emit(self.block.span(), OperationKind::Function(self.thinning(false)));
         }
         self.state.tool_control = ToolControl { held, ..ToolControl::default() };
     }

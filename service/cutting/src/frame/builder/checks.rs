@@ -44,10 +44,11 @@ impl Builder {
         }
     }
 
-    /// Spindle speed against the machine's and the tool's limit; once per tool.
+    /// Spindle speed against the machine's and the tool's limit; once per tool. Constant surface speed is judged at the radius
+    /// where it is highest.
     pub(super) fn check_speed(
         &mut self,
-        spindle: &Spindle,
+        (spindle, radius_mm): (&Spindle, f64),
         tool: u32,
         span: SourceSpan,
         config: &PipelineConfig,
@@ -62,20 +63,34 @@ impl Builder {
             .find(|listed| listed.number == tool)
             .and_then(|tool| tool.max_rev_per_min)
             .unwrap_or(f64::INFINITY);
-        let limit = tool_limit.min(config.profile.machine.max_spindle_rev_per_min);
-        // Constant surface speed is clamped by the machine; a constant speed is what the program insists on.
-        if let SpindleSpeed::Constant { rev_per_min } = spindle.speed
-            && spindle.is_turning()
-            && rev_per_min > limit
-        {
+        let machine_limit = config.profile.machine.max_spindle_rev_per_min;
+        let limit = tool_limit.min(machine_limit);
+        let (rev_per_min, message, cure) = match spindle.speed {
+            // What the program insists on.
+            SpindleSpeed::Constant { rev_per_min } => (
+                rev_per_min,
+                format!("spindle speed {rev_per_min} rev/min exceeds the limit of {limit} rev/min"),
+                format!("program S{limit}"),
+            ),
+            // Clamped by the program and by the machine, which does not know the tool.
+            SpindleSpeed::Surface { .. } => {
+                let rev_per_min = spindle.rev_per_min(radius_mm).min(machine_limit);
+                let message = format!(
+                    "constant surface speed turns the spindle at up to {rev_per_min:.0} rev/min here, above the tool's limit \
+                     of {limit} rev/min"
+                );
+                let cure = format!("clamp the speed at {limit} rev/min (G50 S or G92 S, in LinuxCNC D of G96)");
+                (rev_per_min, message, cure)
+            }
+        };
+        if spindle.is_turning() && rev_per_min > limit {
             self.state.speed_limit_reported = true;
-            let message = format!("spindle speed {rev_per_min} rev/min exceeds the limit of {limit} rev/min");
             findings.push(
                 Finding::new(code::SPINDLE_SPEED, span, message)
                     .with_value("spindle_speed", rev_per_min, "rev/min")
                     .with_value("limit", limit, "rev/min")
                     // The block that turns with it is found, which is not where the speed stands: no text of it is replaced.
-                    .suggest_value(format!("program S{limit}"), None, "spindle_speed", limit, "rev/min"),
+                    .suggest_value(cure, None, "spindle_speed", limit, "rev/min"),
             );
         }
     }

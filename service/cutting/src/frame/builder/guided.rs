@@ -3,7 +3,7 @@
 use feedwave_motion::Planner;
 use feedwave_program::{FindingLog, GuidedMove, MoveKind, PathControl, SourceSpan};
 
-use super::{Builder, joining};
+use super::{Builder, X, joining};
 use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
 use crate::functions::five_axis::{Guided, no_kinematics};
@@ -52,7 +52,9 @@ impl Builder {
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting && !motion.elements.is_empty() {
             self.open_section(mv, config, planner);
-            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
+            let least_radius_mm =
+                motion.elements.iter().map(|element| element.radius_range_mm()[0]).fold(f64::INFINITY, f64::min);
+            self.check_speed((&mv.spindle, least_radius_mm), mv.tool, span, config, findings);
         } else {
             self.close_section(planner, findings);
         }
@@ -62,6 +64,9 @@ impl Builder {
         if let Some(analysis) = &mut self.analysis {
             analysis.moves += 1;
             analysis.cutting_moves += u64::from(cutting);
+        }
+        if let Some(last) = motion.elements.last() {
+            self.state.x_mm = [last.end[X], last.work_offset[X]];
         }
         let joining = joining(&self.state.functions, self.guide.as_ref(), config);
         let mut elements = motion.elements.into_iter().peekable();

@@ -13,7 +13,7 @@ use feedwave_motion::{
     Smoothed, TooManyWithinReach, missing_axis, stretches,
 };
 use feedwave_program::{
-    DwellTime, Finding, FindingLog, MachineCommand, MachineEffect, Move, MoveKind, Operation, OperationKind,
+    Axis, DwellTime, Finding, FindingLog, MachineCommand, MachineEffect, Move, MoveKind, Operation, OperationKind,
     PathControl, Position, SourceSpan, Spindle, ThreadKind,
 };
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,8 @@ use crate::shared::columns::ColumnMap;
 use crate::shared::cut::Cut;
 use crate::shared::setpoint::Frame;
 
+const X: usize = Axis::X.index();
+
 /// Modal state between operations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct BuilderState {
@@ -41,8 +43,8 @@ pub(crate) struct BuilderState {
     spindle: Spindle,
     smoother: PathSmoother<Cut>,
     guide: GuideState,
-    /// X radius where the last move ended, mm.
-    radius_mm: f64,
+    /// X on the radius where the last move ended, and the work offset that it is counted from, mm.
+    x_mm: [f64; 2],
     feed_limited_reported: bool,
     speed_limit_reported: bool,
 }
@@ -117,7 +119,7 @@ impl BuilderState {
             tool: 0,
             spindle: Spindle::STOPPED,
             smoother: PathSmoother::default(),
-            radius_mm: 0.0,
+            x_mm: [position[X], 0.0],
             feed_limited_reported: false,
             speed_limit_reported: false,
         }
@@ -223,7 +225,9 @@ impl Builder {
                 self.thread(mv, span, config, planner, findings);
             }
             OperationKind::Guided(guided) => self.guided(guided, span, config, planner, findings),
-            OperationKind::Dwell(time) => self.dwell(*time, span, planner, findings),
+            OperationKind::Dwell { time, work_offset } => {
+                self.dwell(*time, Some(work_offset[X]), span, config, planner, findings);
+            }
             OperationKind::Spindle(spindle) => {
                 if !spindle.is_turning() {
                     self.close_section(planner, findings);
@@ -237,12 +241,12 @@ impl Builder {
                 self.close_section(planner, findings);
                 self.state.tool = number;
                 self.tool(number, span, config, findings);
-                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line });
+                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line, x_offset_mm: None });
             }
             // Compensation is carried out before.
             OperationKind::Coolant(_) | OperationKind::Compensation(_) => {}
             OperationKind::Function(command) => self.switch(command, span, config, planner, findings),
-            OperationKind::MachineCode(command) => self.machine_code(command, span, planner, findings),
+            OperationKind::MachineCode(command) => self.machine_code(command, span, config, planner, findings),
             OperationKind::Stop { .. } => self.rest(line, planner, findings),
             OperationKind::End => {
                 self.end_functions(config, planner, findings);
@@ -257,31 +261,48 @@ impl Builder {
         &mut self,
         command: &MachineCommand,
         span: SourceSpan,
+        config: &PipelineConfig,
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
         match command.effect {
             MachineEffect::None => {}
             MachineEffect::Stop | MachineEffect::Barrier => self.rest(span.line, planner, findings),
-            MachineEffect::Dwell { seconds } => self.dwell(DwellTime::Seconds(seconds), span, planner, findings),
+            MachineEffect::Dwell { seconds } => {
+                self.dwell(DwellTime::Seconds(seconds), None, span, config, planner, findings);
+            }
         }
     }
 
     /// The path rests, for a time that is not known.
     fn rest(&mut self, line: u32, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
         self.close_section(planner, findings);
-        planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line });
+        planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line, x_offset_mm: None });
     }
 
-    fn dwell(&mut self, time: DwellTime, span: SourceSpan, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
+    /// Stands still. Constant surface speed goes by X in the coordinates of the dwell, whose work offset of X may be given.
+    fn dwell(
+        &mut self,
+        time: DwellTime,
+        x_offset_mm: Option<f64>,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
         self.close_section(planner, findings);
         let duration_s = match time {
             DwellTime::Seconds(seconds) => seconds,
-            DwellTime::Revolutions(revolutions) => revolutions / self.state.spindle.rev_per_s(self.state.radius_mm),
+            DwellTime::Revolutions(revolutions) => {
+                let [x_mm, from_mm] = self.state.x_mm;
+                let radius_mm = x_mm + x_offset_mm.map_or(0.0, |offset_mm| from_mm - offset_mm);
+                let top_rev_per_s = config.profile.machine.max_spindle_rev_per_min / 60.0;
+                revolutions / self.state.spindle.rev_per_s(radius_mm).min(top_rev_per_s)
+            }
         };
         // The infinite dwell of a stopped spindle is refused too.
         if (0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
-            planner.push_barrier(Barrier::Dwell { duration_s, line: span.line });
+            planner.push_barrier(Barrier::Dwell { duration_s, line: span.line, x_offset_mm });
         } else {
             findings.push(too_long(span, duration_s));
         }
@@ -314,14 +335,15 @@ impl Builder {
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting {
             self.open_section(mv, config, planner);
-            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
+            let [least_radius_mm, _] = element.radius_range_mm();
+            self.check_speed((&mv.spindle, least_radius_mm), mv.tool, span, config, findings);
         } else {
             self.close_section(planner, findings);
         }
         if cutting && !self.can_act_on(&element, span, findings) {
             return;
         }
-        self.state.radius_mm = mv.end[0];
+        self.state.x_mm = [mv.end[X], mv.work_offset[X]];
         if let Some(analysis) = &mut self.analysis {
             analysis.moves += 1;
             analysis.cutting_moves += u64::from(cutting);

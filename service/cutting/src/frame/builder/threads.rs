@@ -5,7 +5,7 @@ use feedwave_program::{
     Axis, AxisSet, Finding, FindingLog, GuidedMove, Move, SourceSpan, ThreadKind, ThreadMove, ThreadPlane, ToolGuide,
 };
 
-use super::Builder;
+use super::{Builder, X};
 use crate::code;
 use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
@@ -73,14 +73,14 @@ impl Builder {
         findings: &mut FindingLog,
     ) {
         self.close_thread(config, findings);
-        self.check_speed(&stroke.spindle, stroke.tool, span, config, findings);
+        self.check_speed((&stroke.spindle, stroke.start[X]), stroke.tool, span, config, findings);
         if self.state.functions.vibration.is_on() {
             vibrates_no_thread(span, findings);
         }
         let Some(element) = self.tap_element(stroke, span, config, findings) else { return };
         let machine = &config.profile.machine;
         let Some(run) = self.state.functions.threads.tap(stroke, element, machine, findings) else { return };
-        self.state.radius_mm = stroke.end[Axis::X.index()];
+        self.state.x_mm = [run.element.end[X], run.element.work_offset[X]];
         if let Some(analysis) = &mut self.analysis {
             analysis.moves += 1;
             analysis.cutting_moves += 1;
@@ -135,7 +135,7 @@ impl Builder {
         let inputs = config.thread_inputs();
         let threads = &self.state.functions.threads;
         let Some(run) = threads.run(&pass, &blocks, !combines, &inputs, analysis, findings) else { return };
-        self.state.radius_mm = last.end()[Axis::X.index()];
+        self.state.x_mm = [run.end[X], run.work_offset[X]];
         if self.guide.is_some() && last.frame.is_none() {
             self.state.guide.moved(&Move { end: last.end(), ..straight(&last.mv) });
         }
@@ -164,7 +164,7 @@ impl Builder {
     ) -> Option<Pass> {
         let first = waiting.blocks.first()?;
         let path = Pass::path(&waiting.blocks, &config.profile.machine, findings)?;
-        self.check_speed(&first.mv.spindle, first.mv.tool, first.span, config, findings);
+        self.check_speed((&first.mv.spindle, first.mv.start[X]), first.mv.tool, first.span, config, findings);
         if self.state.functions.vibration.is_on() {
             vibrates_no_thread(first.span, findings);
         }

@@ -17,6 +17,8 @@ pub(crate) enum Barrier {
         duration_s: f64,
         /// Source line of the dwell.
         line: u32,
+        /// Work offset of X that the program has then, mm, where it may be another than that of the move before.
+        x_offset_mm: Option<f64>,
     },
     /// Rest on the grid, so that the resting point is a setpoint.
     Align,

@@ -1,9 +1,11 @@
 //! What begins next: a stretch of a motion, or what a barrier asks for.
 
 use feedwave_motion::Planned;
-use feedwave_program::{Spindle, SpindleDirection};
+use feedwave_program::{Axis, Spindle, SpindleDirection};
 
 use super::{Activity, ActivityKind, After, Barrier, Interpolator};
+
+const X: usize = Axis::X.index();
 
 impl Interpolator {
     /// Takes the next item; `false` when it, or the path that the vibration may reach from it, is not there yet.
@@ -31,8 +33,11 @@ impl Interpolator {
                 self.begin_stretch(0);
             }
             Planned::Barrier(Barrier::Function(_)) => self.begin_function(),
-            &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
-                self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
+            &Planned::Barrier(Barrier::Dwell { duration_s, line, x_offset_mm }) => {
+                let rest = &self.state.rest;
+                let shift_mm = x_offset_mm.map_or(0.0, |offset_mm| rest.work_offset[X] - offset_mm);
+                let radius_mm = rest.position[X] + shift_mm;
+                self.hold_at(radius_mm, ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
             }
             Planned::Barrier(Barrier::Align) => self.align_then(After::LeaveMotion),
             &Planned::Barrier(Barrier::Spindle(spindle)) => {
@@ -54,10 +59,14 @@ impl Interpolator {
     }
 
     pub(super) fn hold(&mut self, kind: ActivityKind, duration_s: f64, after: After) {
+        self.hold_at(self.state.rest.position[X], kind, duration_s, after);
+    }
+
+    /// Rests where constant surface speed sees the tool at this radius.
+    fn hold_at(&mut self, radius_mm: f64, kind: ActivityKind, duration_s: f64, after: After) {
         if let Some(examination) = &mut self.examination {
             examination.slowdowns.interrupt();
         }
-        let radius_mm = self.state.rest.position[0];
         let spindle_rev_per_s = match kind {
             // The vibration's spindle speed is that of the stretch before.
             ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {

@@ -136,7 +136,7 @@ impl Quantity {
 
 #[cfg(test)]
 mod tests {
-    use feedwave_program::{Function, FunctionWord, Severity};
+    use feedwave_program::{Function, FunctionWord, Position, Severity};
 
     use super::*;
 
@@ -151,7 +151,8 @@ mod tests {
             span: if letter == 'F' { F_WORD } else { A_WORD },
         };
         let words = words.iter().map(word).collect();
-        let command = FunctionCommand { function: Function::PathVibration, on: true, inch: false, words };
+        let frame_offset = Position::default();
+        let command = FunctionCommand { function: Function::PathVibration, on: true, inch: false, frame_offset, words };
         let mut findings = FindingLog::default();
         let condition = condition_from_command(&command, BLOCK, &VibrationSettings::default(), &mut findings);
         (condition, findings.findings().to_vec())

@@ -1,7 +1,7 @@
 //! A thread of the program while its passes come in: which passes belong to it, and its judgement at the end.
 
 use feedwave_motion::PathLimits;
-use feedwave_program::{Axis, Finding, FindingLog, SpindleDirection, TiltedPlane};
+use feedwave_program::{Finding, FindingLog, Position, SpindleDirection, ThreadMove, TiltedPlane};
 use serde::{Deserialize, Serialize};
 
 use super::code;
@@ -28,7 +28,8 @@ pub(super) struct OpenThread {
     mode: Option<Mode>,
     pub(super) job: ThreadJob,
     tool: u32,
-    work_offset: [f64; 2],
+    /// That of its first pass, whose coordinates the thread is in.
+    work_offset: Position,
     /// The tilted plane that it is in, and how the axes move there.
     plane: Option<TiltedPlane>,
     frame: Option<Box<PlaneFrame>>,
@@ -36,9 +37,6 @@ pub(super) struct OpenThread {
     pub(super) moves_across: bool,
     pub(super) last_line: u32,
 }
-
-const X: usize = Axis::X.index();
-const Z: usize = Axis::Z.index();
 
 impl OpenThread {
     pub(super) fn new(
@@ -51,12 +49,12 @@ impl OpenThread {
         let mv = &first.mv;
         let lead_axis = first.lead_axis();
         let [along, across] = [lead_axis.along().index(), lead_axis.across().index()];
-        let outside = mode.is_none_or(|mode| mv.start[across] <= mode.work_mm);
+        let outside = mode.is_none_or(|mode| mv.start[across] <= mode.work_mm(mv));
         let geometry = ThreadGeometry {
             lead_axis,
             side: if outside { ThreadSide::External } else { ThreadSide::Internal },
             // Without a word for it the first pass is the measure until all are known.
-            work_mm: mode.map_or(mv.start[across], |mode| mode.work_mm),
+            work_mm: mode.map_or(mv.start[across], |mode| mode.work_mm(mv)),
             start_mm: mv.start[along],
             end_mm: mv.end[along],
             taper: first.taper(lead_axis),
@@ -76,7 +74,7 @@ impl OpenThread {
             spindle_rev_per_min: 60.0 * path.rev_per_s(),
             passes: Vec::new(),
         };
-        let work_offset = [mv.work_offset[X], mv.work_offset[Z]];
+        let work_offset = mv.work_offset;
         let plane = mv.plane.as_ref().map(|it| it.plane);
         let (tool, last_line) = (mv.tool, first.span.line);
         Self { mode, job, tool, work_offset, plane, frame: first.frame.clone(), moves_across: false, last_line }
@@ -88,19 +86,27 @@ impl OpenThread {
         let lead_axis = geometry.lead_axis;
         let along = lead_axis.along().index();
         let travel_mm = mv.end[along] - mv.start[along];
+        // Where the tool is says whether it is the same thread, not which offsets led it there.
+        let [start_mm, end_mm] = [&mv.start, &mv.end].map(|point| self.coordinate(mv, point, along));
         let apart_mm = LEADS_APART * geometry.lead_mm;
         self.mode == mode
             && first.lead_axis() == lead_axis
             && self.tool == mv.tool
-            && self.work_offset == [mv.work_offset[X], mv.work_offset[Z]]
             && self.is_in_plane_of(first)
             && (mv.lead_mm - geometry.lead_mm).abs() <= SAME
             && (first.taper(lead_axis) - geometry.taper).abs() <= SAME
             && travel_mm.signum() == geometry.direction()
-            && (mv.start[along] - geometry.start_mm).abs() <= apart_mm
-            && (mv.end[along] - geometry.end_mm).abs() <= apart_mm
+            && (start_mm - geometry.start_mm).abs() <= apart_mm
+            && (end_mm - geometry.end_mm).abs() <= apart_mm
             && (mv.spindle.direction == SpindleDirection::CounterClockwise)
                 == (geometry.rotation == SpindleRotation::Reverse)
+    }
+
+    /// A point of a pass in the coordinates of this thread.
+    fn coordinate(&self, mv: &ThreadMove, point: &Position, axis: usize) -> f64 {
+        // In a tilted plane the coordinates are the plane's, which stay the same.
+        let shift_mm = if mv.plane.is_some() { 0.0 } else { mv.work_offset[axis] - self.work_offset[axis] };
+        point[axis] + shift_mm
     }
 
     /// Whether a pass is in the plane of this thread, with the axes in the same proportions; those of a pass that is only looked at
@@ -110,7 +116,8 @@ impl OpenThread {
             (Some(own), Some(other)) => own.is_parallel_to(other),
             _ => true,
         };
-        self.plane == first.mv.plane.as_ref().map(|it| it.plane) && is_parallel
+        let is_at_plane = first.mv.plane.is_none() || self.work_offset == first.mv.work_offset;
+        self.plane == first.mv.plane.as_ref().map(|it| it.plane) && is_parallel && is_at_plane
     }
 
     /// Whether a pass is one of this thread, whatever its speed.
@@ -151,9 +158,10 @@ impl OpenThread {
     fn depth(&self, first: &ThreadBlock) -> (f64, f64) {
         let geometry = &self.job.geometry;
         let [along, across] = [geometry.lead_axis.along().index(), geometry.lead_axis.across().index()];
-        let travel_mm = geometry.direction() * (first.mv.start[along] - geometry.start_mm);
+        let [along_mm, across_mm] = [along, across].map(|axis| self.coordinate(&first.mv, &first.mv.start, axis));
+        let travel_mm = geometry.direction() * (along_mm - geometry.start_mm);
         let surface_mm = geometry.work_mm + geometry.taper * travel_mm;
-        (geometry.inwards() * (surface_mm - first.mv.start[across]), travel_mm)
+        (geometry.inwards() * (surface_mm - across_mm), travel_mm)
     }
 
     fn goes_back(&self, first: &ThreadBlock) -> bool {

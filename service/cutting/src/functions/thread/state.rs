@@ -48,9 +48,19 @@ pub(super) struct Mode {
     pub(super) on_span: SourceSpan,
     /// Axis of the lead that its threads have: that across which the work's surface is stated.
     pub(super) lead_axis: LeadAxis,
-    /// Surface of the work: a radius, or Z of its face, mm.
-    pub(super) work_mm: f64,
+    /// Surface of the work as it is stated: a radius, or Z of its face, mm.
+    work_mm: f64,
+    /// What machine coordinates are more than those that it is stated in, mm along the same axis, but for the tool.
+    frame_mm: f64,
     pub(super) ratio: f64,
+}
+
+impl Mode {
+    /// Surface of the work in the coordinates of a pass: the work stays where it was stated, whatever shifts the coordinates
+    /// behind it.
+    pub(super) fn work_mm(&self, pass: &ThreadMove) -> f64 {
+        self.work_mm + (self.frame_mm - pass.frame_offset[self.lead_axis.across().index()])
+    }
 }
 
 impl Modal for Mode {
@@ -340,7 +350,8 @@ impl Threads {
             // The amplitude has to exceed the infeed.
             let ratio = mode_word(command, span, 'Q', "amplitude ratio", "Q1.2", 1.0, findings);
             let ((lead_axis, work_mm), ratio) = work.zip(ratio)?;
-            Some(Mode { on_span: span, lead_axis, work_mm, ratio })
+            let frame_mm = command.frame_offset[lead_axis.across().index()];
+            Some(Mode { on_span: span, lead_axis, work_mm, frame_mm, ratio })
         });
     }
 
@@ -388,12 +399,13 @@ fn contradicts(first: &ThreadMove, part: &ThreadMove, vibrates: bool) -> bool {
 
 /// A pass above the face that was stated: the vibration retreats from the work, and this could be the face on its other side.
 fn above_face(mode: &Mode, first: &ThreadBlock) -> Option<Finding> {
-    let above_mm = first.mv.start[mode.lead_axis.across().index()] - mode.work_mm;
+    let work_mm = mode.work_mm(&first.mv);
+    let above_mm = first.mv.start[mode.lead_axis.across().index()] - work_mm;
     (mode.lead_axis == LeadAxis::X && above_mm > 0.0).then(|| {
         let message = format!(
             "the pass starts {} mm above the face at Z{} that is threaded, so it is open to which side the vibration retreats",
             decimal(above_mm, 4),
-            decimal(mode.work_mm, 4)
+            decimal(work_mm, 4)
         );
         Finding::new(code::THREAD_FACE_SIDE, first.span, message)
             .ranked("", above_mm)

@@ -5,7 +5,7 @@ use super::{Hole, Pecks};
 use crate::code;
 use crate::settings::{FANUC_RETRACT_MM, LINUXCNC_RETRACT_MM};
 use crate::state::Cycle;
-use crate::{DialectName, DwellTime, Finding, OperationKind, PeckReturn, SpindleDirection};
+use crate::{DialectName, DwellTime, Finding, PeckReturn, SpindleDirection};
 
 /// Strokes of one block, at most: more are a mistake, and nobody waits for them.
 pub(in super::super) const MAX_STROKES: u32 = 10_000;
@@ -77,7 +77,7 @@ impl Execution<'_> {
     /// The dwell at the bottom.
     pub(super) fn wait(&mut self, hole: &Hole) {
         if hole.dwell_s > 0.0 {
-            self.emit(self.block.span(), OperationKind::Dwell(DwellTime::Seconds(hole.dwell_s)));
+            self.dwell_for(self.block.span(), DwellTime::Seconds(hole.dwell_s));
         }
     }
 

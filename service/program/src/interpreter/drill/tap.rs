@@ -101,6 +101,7 @@ impl Execution<'_> {
             start: self.state.coords.placed(&self.state.position),
             end: self.state.coords.placed(&end),
             work_offset: self.machine_offset(),
+            frame_offset: self.frame_offset(),
             lead_mm,
             start_angle_deg: 0.0,
             thread_start: 0,
