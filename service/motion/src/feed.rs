@@ -33,8 +33,7 @@ pub type Stretches = SmallVec<[Stretch; 1]>;
 /// within a stretch both speeds are constant, the feed per revolution is exactly the programmed one, and the surface
 /// speed is never above the programmed one and at most 1 % below it. Should that take more than 2048 stretches (a
 /// spiral of many turns through X0), the last one is as slow as its largest radius asks for. The machine's top speed
-/// clamps the spindle. On a rapid the spindle takes the speed of its end at once, as controls
-/// do that look only there.
+/// clamps the spindle. On a rapid the spindle turns as at its end: controls look only there.
 ///
 /// The element is divided where its limits change, too.
 #[must_use]

@@ -130,6 +130,8 @@ pub(crate) struct MachineModes {
     pub(crate) overrides: Overrides,
     /// `M29`: the next tapping cycle is rigid, until the end of the cycles.
     pub(crate) rigid_tapping: bool,
+    /// The tool was changed while a length was in force, and neither has a length been called nor Z moved since.
+    pub(crate) keeps_length: bool,
     /// Numbers of the unlisted M codes that have been noted.
     pub(crate) noted: Vec<u32>,
     /// What `M70` or `M73` has saved in the program that is read.

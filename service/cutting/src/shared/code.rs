@@ -14,9 +14,18 @@ feedwave_program::finding_codes! {
     "SPINDLE-SPEED" [SPINDLE_SPEED: Error] {
         meaning: "a spindle speed beyond the limit of the machine or of the tool",
         cause: "A constant speed is above `max_spindle_rev_per_min` of the machine or of the tool. Constant surface \
-              speed is clamped instead.",
-        cure: "Lower the speed to the limit that the finding names.",
+              speed is clamped by the machine and by the program (`G50 S`, `G92 S`, in LinuxCNC `D`): it is found where it \
+              exceeds the limit of the tool even so.",
+        cure: "Lower the speed, or clamp it, to the limit that the finding names.",
         example: lathe("M3 S9000\nG1 X10 F0.1\nM30"),
+    }
+
+    "OVERRIDE-FORBIDDEN" [OVERRIDE_FORBIDDEN: Warning, OVERRIDE_FORBIDDEN_LIVE: Info] {
+        meaning: "a cut where the program forbids feed overrides: a warning where overrides other than 0 and 100 % are planned",
+        cause: "`M49`, or `M50 P0` of LinuxCNC, forbids the operator to change the feed. Planned and live feed overrides \
+              act all the same; the machine that plays the setpoints knows nothing of the code.",
+        cure: "Plan overrides that are back at 100 % there, or take the code out where the feed may be changed.",
+        example: on("mill, language.dialect = DIALECT_LINUXCNC", "M49\nG1 X10 F600\nM2"),
     }
 
     "FEED-LIMITED" [FEED_LIMITED: Info] {

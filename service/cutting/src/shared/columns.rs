@@ -1,6 +1,7 @@
 //! From places on the path to the columns of a block: the machine's axes and the direction of the tool.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use feedwave_motion::kinematics::{Kinematics, RotaryDirections, Setup, ToolPose};
 use feedwave_motion::{Curve, Element, Machine};
@@ -38,6 +39,12 @@ impl ColumnMap {
     /// Coordinates of the column.
     pub(crate) const fn frame(&self) -> Frame {
         self.frame
+    }
+
+    /// The same column in machine coordinates but for the sign: work coordinates of rotary axes turn with their own offset,
+    /// so that nothing could be told by them.
+    const fn of_machine(self) -> Self {
+        Self { offset_share: 1.0, ..self }
     }
 
     pub(crate) fn value(self, work: f64, work_offset: &Position) -> f64 {
@@ -123,8 +130,9 @@ pub(crate) fn fill_axes(
 }
 
 /// The tool direction from the columns of the rotary axes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ToolColumns {
+    kinematics: Arc<Kinematics>,
     directions: RotaryDirections,
     /// The rotary axes of the chain: program axis and column.
     rotary: [(Axis, usize); 2],
@@ -132,13 +140,21 @@ pub(crate) struct ToolColumns {
 
 impl ToolColumns {
     /// For a machine that has both rotary axes.
-    pub(crate) fn of(machine: &Machine, kinematics: &Kinematics) -> Option<Self> {
+    pub(crate) fn of(machine: &Machine, kinematics: &Arc<Kinematics>) -> Option<Self> {
         let [first, second] = kinematics.letters().1;
         let place = |axis: Axis| machine.column_of(axis).map(|column| (axis, column));
-        Some(Self { directions: kinematics.rotary_directions(), rotary: [place(first)?, place(second)?] })
+        let (directions, rotary) = (kinematics.rotary_directions(), [place(first)?, place(second)?]);
+        Some(Self { kinematics: kinematics.clone(), directions, rotary })
     }
 
-    /// Fills rows whose axes are there, in work coordinates: those of a guided tool, or parallel to the chain's.
+    /// Has the columns of the rotary axes, which the direction follows from, in machine coordinates whatever guides the tool.
+    pub(crate) fn settle(&self, columns: &mut [ColumnMap]) {
+        for (_, column) in self.rotary {
+            columns[column] = columns[column].of_machine();
+        }
+    }
+
+    /// Fills rows whose axes are there with the direction in work coordinates: those of a guided tool, or those of this offset.
     pub(crate) fn fill(
         &self,
         block: &mut SetpointBlock,
@@ -147,9 +163,15 @@ impl ToolColumns {
         setup: Option<&Setup>,
     ) {
         let [x, y, z] = block.tool_direction.as_mut_slice() else { return };
+        // A rotary offset turns the work coordinates of plain moves as it does those of a guided tool.
+        let is_turned = self.rotary.iter().any(|(axis, _)| work_offset[axis.index()] != 0.0);
+        let plain = (is_turned && setup.is_none()).then(|| {
+            let work = self.kinematics.work_frame_at(&self.kinematics.from_position(work_offset));
+            Setup { work, tool_length_mm: 0.0 }
+        });
+        let setup = setup.or(plain.as_ref());
         for row in rows {
-            let rotary_rad =
-                self.rotary.map(|(axis, column)| (block.axes[column][row] + work_offset[axis.index()]).to_radians());
+            let rotary_rad = self.rotary.map(|(_, column)| block.axes[column][row].to_radians());
             let direction = self.directions.at(rotary_rad);
             let on_work = |setup: &Setup| setup.to_work(&ToolPose { tip_mm: [0.0; 3], direction }).direction;
             [x[row], y[row], z[row]] = setup.map_or(direction, on_work);

@@ -1,6 +1,6 @@
 //! Work offsets under tool centre point control: they move with what carries the work, and rotary ones turn the work coordinates.
 
-use feedwave_cutting::PipelineConfig;
+use feedwave_cutting::{Frame, PipelineConfig};
 use feedwave_motion::kinematics::vector::{Vec3, sub};
 use feedwave_motion::kinematics::{Kinematics, Setup};
 use feedwave_program::ToolOffset;
@@ -119,4 +119,23 @@ fn the_length_is_that_of_the_table_when_it_is_called() {
     let changed = validate("G43.4 H1 G0 X0 Y0 Z20 A0 C0\nG10 L10 P1 R125\nG1 X10 F3000\nG49\nM30\n", &config());
     let codes: Vec<_> = changed.findings.iter().map(|finding| finding.code.name()).collect();
     assert_eq!(codes, ["PRG-OFFSET-IN-FORCE"]);
+}
+
+#[test]
+fn work_coordinates_mean_the_same_with_and_without_control_of_the_tool_centre_point() {
+    let mut config = turned();
+    config.frame = Frame::Work;
+    let program = "G0 X10 Y0 Z300 A-10 C0\nG43.4 H1\nG0 X10 Y0 Z100 A-10 C0\nG4 P5\nG1 X20 F3000\nG49\nG0 Z350\nG4 P5\nM30\n";
+    assert!(validate(program, &config).is_accepted());
+    let setpoints = run(program, &config);
+    let first = setpoints.line.iter().position(|&line| line > 1).expect("moves");
+    let (sine, cosine) = libm::sincos(10.0_f64.to_radians());
+    // The rotary axes rest there: C at its offset in the machine, and the tool tilted about X of the turned work.
+    for index in first..setpoints.len() {
+        let [a, c] = [3, 4].map(|column| setpoints.axes[column][index]);
+        assert!((a + 10.0).abs() < 1e-9 && (c - OFFSET[3]).abs() < 1e-9, "{index}: A{a} C{c}");
+        let direction: Vec3 = core::array::from_fn(|axis| setpoints.tool_direction[axis][index]);
+        let off = super::distance(direction, [0.0, sine, cosine], [0.0, sine, cosine]);
+        assert!(off < 1e-9, "{index}: {direction:?}");
+    }
 }

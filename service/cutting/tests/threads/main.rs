@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod face;
+mod frames;
 mod random;
 
 use std::f64::consts::PI;

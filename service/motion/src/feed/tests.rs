@@ -154,11 +154,14 @@ fn without_radius_or_surface_speed_there_is_one_stretch() {
 }
 
 #[test]
-fn a_rapid_has_no_commanded_speed_and_the_spindle_of_its_largest_radius() {
+fn a_rapid_has_no_commanded_speed_and_the_spindle_of_its_end() {
     let rapid = element(MoveKind::Rapid, [5.0, 0.0, 0.0], [-40.0, 0.0, 0.0], None);
     let parts = stretches(&rapid, Feed::PerRevolution(0.2), &surface(100.0, f64::INFINITY), &Machine::lathe());
     assert_eq!((parts.len(), parts[0].speed_mm_per_s), (1, f64::INFINITY));
     assert_eq!(parts[0].spindle_rev_per_s, surface(100.0, f64::INFINITY).rev_per_s(40.0));
+    let inwards = element(MoveKind::Rapid, [50.0, 0.0, 0.0], [10.0, 0.0, 5.0], None);
+    let parts = stretches(&inwards, Feed::PerRevolution(0.2), &surface(100.0, f64::INFINITY), &Machine::lathe());
+    assert_eq!(parts[0].spindle_rev_per_s, surface(100.0, f64::INFINITY).rev_per_s(10.0));
 }
 
 #[test]

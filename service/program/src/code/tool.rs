@@ -13,7 +13,8 @@ crate::finding_codes! {
 
     "PRG-LENGTH-OTHER-TOOL" [LENGTH_OTHER_TOOL: Warning] {
         meaning: "the length of another tool than the one in the spindle",
-        cause: "H and T differ: the tip will be higher or lower than programmed by the difference of both lengths.",
+        cause: "H and T differ, or Z moves behind a tool change with the length of the tool before still in force: the tip will be \
+              higher or lower than programmed by the difference of both lengths.",
         cure: "Use the length of the tool in the spindle.",
         example: mill("T1 M6\nG43 H2 Z100"),
     }

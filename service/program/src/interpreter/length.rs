@@ -162,8 +162,31 @@ impl Execution<'_> {
         });
     }
 
+    /// Z moves with the length of the tool before a tool change still in force; once per tool change.
+    #[cold]
+    pub(super) fn check_kept_length(&mut self) {
+        // The way home counts from where the tip is, and leads the machine to a place of its own.
+        let goes_home = matches!(
+            self.code(Group::NonModal),
+            Some((Meaning::Reference | Meaning::FurtherReference | Meaning::ReferenceReturn, _))
+        );
+        if goes_home || !std::mem::take(&mut self.state.machine.keeps_length) {
+            return;
+        }
+        let (number, tool, on_line) = (self.state.length.number, self.state.tool, self.state.length.on_line);
+        let span = self.block.span();
+        self.findings.push_with(code::LENGTH_OTHER_TOOL, |code| {
+            let message = format!("Z moves with H{number} of line {on_line} still in force, but T{tool} is in the spindle");
+            Finding::new(code, span, message)
+                .with_value("length_offset", f64::from(number), "")
+                .with_value("tool", f64::from(tool), "")
+                .suggest(format!("call the length of the tool before, such as G43 H{tool}"))
+        });
+    }
+
     /// Another length from here on; the axes stay where they are.
     pub(super) fn switch_length(&mut self, mut next: LengthCompensation, span: SourceSpan) {
+        self.state.machine.keeps_length = false;
         if self.state.tool_control.mode == ToolMode::Plane {
             if next.negative {
                 return self.not_permitted(span, "a tool length that is subtracted (G44)");

@@ -110,6 +110,8 @@ impl Execution<'_> {
         }
         if let Some(number) = selected.or(keeps.then_some(0)) {
             self.state.tool = number;
+            let length = &self.state.length;
+            self.state.machine.keeps_length = length.is_on && ![0, number].contains(&length.number) && number != 0;
             self.emit(span, OperationKind::Tool { number, offset: 0 });
         }
     }

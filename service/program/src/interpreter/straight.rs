@@ -94,12 +94,14 @@ impl Interpreter {
         let coords = &state.coords;
         let is_transformed =
             coords.transform.is_some() || coords.polar.is_some() || coords.awaits_absolute || coords.due.is_some();
+        // Behind a tool change, until the length is called or judged.
+        let keeps_length = state.machine.keeps_length;
         let is_as_usual = state.phase == Phase::Blocks
             && state.evidence.is_settled()
             && state.unread == 0
             && state.feed_unit != FeedUnit::InverseTime
             && !self.settings.plain_drawing_words;
-        if is_told_by_flow || is_open || is_another_motion || is_beside || is_transformed || !is_as_usual {
+        if is_told_by_flow || is_open || is_another_motion || is_beside || is_transformed || keeps_length || !is_as_usual {
             return None;
         }
         Some(Common {

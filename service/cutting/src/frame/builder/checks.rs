@@ -1,7 +1,7 @@
 //! Checks of every move by the state of the program: tool, spindle speed and feed.
 
 use feedwave_motion::{Element, MOST_BYTES_WITHIN_REACH, MOST_WITHIN_REACH, Stretches};
-use feedwave_program::{Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};
+use feedwave_program::{DialectName, Finding, FindingLog, MachineCommand, SourceSpan, Spindle, SpindleSpeed};
 
 use super::Builder;
 use crate::code;
@@ -93,6 +93,42 @@ impl Builder {
                     .suggest_value(cure, None, "spindle_speed", limit, "rev/min"),
             );
         }
+    }
+
+    /// Whether an M code forbids feed overrides or allows them again: `M49` and `M48`, in LinuxCNC `M50` as well.
+    pub(super) fn switch_override(&mut self, command: &MachineCommand, span: SourceSpan, config: &PipelineConfig) {
+        let is_linuxcnc = config.profile.language.dialect == DialectName::LinuxCnc;
+        let is_mill = config.profile.language.dialect == DialectName::Mill;
+        let p = command.words.iter().find(|word| word.letter == 'P').map(|word| word.value);
+        self.state.override_forbidden = match command.number {
+            48 if is_linuxcnc || is_mill => None,
+            49 if is_linuxcnc || is_mill => Some(span),
+            50 if is_linuxcnc => (p == Some(0.0)).then_some(span),
+            _ => return,
+        };
+    }
+
+    /// A cut where the program forbids feed overrides; once per place that forbids them.
+    pub(super) fn check_override(&mut self, config: &PipelineConfig, findings: &mut FindingLog) {
+        let Some(span) = self.state.override_forbidden.take() else { return };
+        // A hold is no change of the feed, and no code here forbids it.
+        let planned = config.overrides.iter().map(|change| change.ratio).find(|ratio| *ratio != 0.0 && *ratio != 1.0);
+        let finding = match planned {
+            Some(ratio) => {
+                let percent = 100.0 * ratio;
+                let message = format!(
+                    "the program forbids feed overrides from here on, but planned ones, such as {percent} %, act here as well"
+                );
+                Finding::new(code::OVERRIDE_FORBIDDEN, span, message)
+                    .with_value("override", percent, "%")
+                    .suggest("plan overrides that are back at 100 % where this block is run")
+            }
+            None => {
+                let message = "the program forbids feed overrides from here on; those of a live run act all the same";
+                Finding::new(code::OVERRIDE_FORBIDDEN_LIVE, span, message)
+            }
+        };
+        findings.push(finding.suggest("take the code out where the feed may be changed"));
     }
 
     pub(super) fn check_feed(&mut self, stretches: &Stretches, element: &Element, findings: &mut FindingLog) {

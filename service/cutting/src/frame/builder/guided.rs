@@ -55,6 +55,7 @@ impl Builder {
             let least_radius_mm =
                 motion.elements.iter().map(|element| element.radius_range_mm()[0]).fold(f64::INFINITY, f64::min);
             self.check_speed((&mv.spindle, least_radius_mm), mv.tool, span, config, findings);
+            self.check_override(config, findings);
         } else {
             self.close_section(planner, findings);
         }

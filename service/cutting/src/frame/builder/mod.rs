@@ -47,6 +47,8 @@ pub(crate) struct BuilderState {
     x_mm: [f64; 2],
     feed_limited_reported: bool,
     speed_limit_reported: bool,
+    /// Where the program has forbidden feed overrides, until a cut behind it was found.
+    override_forbidden: Option<SourceSpan>,
 }
 
 /// Figures and section reports of a whole program; gathered while validating only.
@@ -122,6 +124,7 @@ impl BuilderState {
             x_mm: [position[X], 0.0],
             feed_limited_reported: false,
             speed_limit_reported: false,
+            override_forbidden: None,
         }
     }
 }
@@ -265,6 +268,7 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
+        self.switch_override(command, span, config);
         match command.effect {
             MachineEffect::None => {}
             MachineEffect::Stop | MachineEffect::Barrier => self.rest(span.line, planner, findings),
@@ -337,6 +341,7 @@ impl Builder {
             self.open_section(mv, config, planner);
             let [least_radius_mm, _] = element.radius_range_mm();
             self.check_speed((&mv.spindle, least_radius_mm), mv.tool, span, config, findings);
+            self.check_override(config, findings);
         } else {
             self.close_section(planner, findings);
         }

@@ -18,6 +18,8 @@ mod threading;
 mod time_shares;
 mod vibrating;
 
+use std::sync::Arc;
+
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{Kinematics, Setup};
 use feedwave_motion::{Machine, Planned, PlannedMotion};
@@ -196,8 +198,11 @@ impl Interpolator {
     }
 
     /// Shows the direction of the tool, as far as the machine has the axes.
-    pub(crate) fn with_tool_direction(mut self, machine: &Machine, kinematics: &Kinematics) -> Self {
+    pub(crate) fn with_tool_direction(mut self, machine: &Machine, kinematics: &Arc<Kinematics>) -> Self {
         self.settings.tool = ToolColumns::of(machine, kinematics);
+        if let Some(tool) = &self.settings.tool {
+            tool.settle(&mut self.settings.columns);
+        }
         self
     }
 

@@ -14,6 +14,9 @@ impl Execution<'_> {
     /// The position after the axis words in the mask `axes`, which are used by this.
     #[inline]
     pub(in crate::interpreter) fn target(&mut self, mut axes: u32, frame: Frame) -> Position {
+        if self.state.machine.keeps_length && frame == Frame::Work && axes & letter_bit(b'Z') != 0 {
+            self.check_kept_length();
+        }
         let more = self.state.coords.due.is_some().then(|| self.take_up_due(axes, frame));
         let coords = &self.state.coords;
         let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;
