@@ -4,6 +4,7 @@ mod common;
 
 use common::{Setpoints, run, validate};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, ValidationReport};
+use feedwave_program::Severity::{Info, Warning};
 use feedwave_program::{DialectName, LanguageSettings};
 
 fn lathe(max_rev_per_min: f64) -> PipelineConfig {
@@ -35,7 +36,9 @@ fn a_dwell_in_revolutions_knows_the_top_speed_of_the_machine() {
 
 #[test]
 fn a_dwell_goes_by_the_coordinates_that_are_in_force_there() {
-    for (shift, diameter_mm) in [("", 20.0), ("G50 X40\n", 40.0), ("G50 U20\n", 40.0), ("G52 X-20\n", 40.0), ("G52 X10\n", 10.0)] {
+    for (shift, diameter_mm) in
+        [("", 20.0), ("G50 X40\n", 40.0), ("G50 U20\n", 40.0), ("G52 X-20\n", 40.0), ("G52 X10\n", 10.0)]
+    {
         let text = format!("G50 S9000\nG96 S100 M3\nG0 X20 Z0\n{shift}G4 U10\nM30\n");
         let setpoints = run(&text, &lathe(9_000.0));
         let (rev_per_min, time_s) = turns(&setpoints, if shift.is_empty() { 4 } else { 5 });
@@ -82,11 +85,17 @@ fn overrides_that_the_program_forbids_are_said() {
     let mut config = PipelineConfig::new(profile);
     let found = |text: &str, config: &PipelineConfig| {
         let report = validate(&format!("G21 G90 G94 F600\nG1 X10\n{text}\nM2\n"), config);
-        report.findings.iter().map(|finding| (finding.code.name(), finding.severity, finding.span.line)).collect::<Vec<_>>()
+        report
+            .findings
+            .iter()
+            .map(|finding| (finding.code.name(), finding.severity, finding.span.line))
+            .collect::<Vec<_>>()
     };
-    use feedwave_program::Severity::{Info, Warning};
     let name = "OVERRIDE-FORBIDDEN";
-    assert_eq!(found("M49\nG1 X20\nX30\nM48\nG1 X40\nM50 P0\nG1 X50\nM50 P1\nX60", &config), [(name, Info, 3), (name, Info, 8)]);
+    assert_eq!(
+        found("M49\nG1 X20\nX30\nM48\nG1 X40\nM50 P0\nG1 X50\nM50 P1\nX60", &config),
+        [(name, Info, 3), (name, Info, 8)]
+    );
     assert_eq!(found("M49\nM48\nG1 X20\nM50\nX30\nM49\nG0 X0", &config), []);
     config.overrides = vec![OverrideChange { index: 0, ratio: 0.5 }];
     assert_eq!(found("M49\nG1 X20", &config), [(name, Warning, 3)]);

@@ -125,7 +125,8 @@ fn the_length_is_that_of_the_table_when_it_is_called() {
 fn work_coordinates_mean_the_same_with_and_without_control_of_the_tool_centre_point() {
     let mut config = turned();
     config.frame = Frame::Work;
-    let program = "G0 X10 Y0 Z300 A-10 C0\nG43.4 H1\nG0 X10 Y0 Z100 A-10 C0\nG4 P5\nG1 X20 F3000\nG49\nG0 Z350\nG4 P5\nM30\n";
+    let program =
+        "G0 X10 Y0 Z300 A-10 C0\nG43.4 H1\nG0 X10 Y0 Z100 A-10 C0\nG4 P5\nG1 X20 F3000\nG49\nG0 Z350\nG4 P5\nM30\n";
     assert!(validate(program, &config).is_accepted());
     let setpoints = run(program, &config);
     let first = setpoints.line.iter().position(|&line| line > 1).expect("moves");

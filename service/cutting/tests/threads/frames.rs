@@ -14,7 +14,8 @@ fn program(between: &str, second: &str) -> String {
 
 fn only_thread(text: &str) -> ThreadSectionReport {
     let report = validate(text, &lathe());
-    let [section] = <[_; 1]>::try_from(report.threads).unwrap_or_else(|threads| panic!("{} threads: {text}", threads.len()));
+    let [section] =
+        <[_; 1]>::try_from(report.threads).unwrap_or_else(|threads| panic!("{} threads: {text}", threads.len()));
     section
 }
 
@@ -55,7 +56,8 @@ fn another_offset_of_the_tool_goes_on_with_the_thread() {
     assert!(near(pass.depth_mm, 0.69, 1e-9) && near(pass.amplitude_mm, 1.6 * 0.19, 1e-9), "{pass:?}");
     assert_eq!(pass.phase_shift_deg, 180.0);
     // An offset called behind the statement of the work moves tool and work.
-    let section = only_thread("G10 P1 X-60 Z-30\nG97 S300 M3\nG165 P3 X10 Q1.6\nT0101\nG0 X9 Z5\nG32 Z-20 F1.5\nG165 P0\nM30\n");
+    let section =
+        only_thread("G10 P1 X-60 Z-30\nG97 S300 M3\nG165 P3 X10 Q1.6\nT0101\nG0 X9 Z5\nG32 Z-20 F1.5\nG165 P0\nM30\n");
     assert!(near(section.job.passes[0].depth_mm, 0.5, 1e-9));
 }
 
@@ -65,13 +67,13 @@ fn a_start_that_is_cut_under_a_shift_is_one_of_the_thread() {
         "G52 Z0.75",
         "G0 Z5\nG0 X9\nG32 Z-20 F1.5\nG0 X14\nZ5\nG52 Z0\nG0 Z5\nG0 X8.6\nG32 Z-20 F1.5",
     ));
-    let written = only_thread(&program(
-        "",
-        "G0 Z5.75\nG0 X9\nG32 Z-19.25 F1.5\nG0 X14\nZ5.75\nG0 Z5\nG0 X8.6\nG32 Z-20 F1.5",
-    ));
+    let written =
+        only_thread(&program("", "G0 Z5.75\nG0 X9\nG32 Z-19.25 F1.5\nG0 X14\nZ5.75\nG0 Z5\nG0 X8.6\nG32 Z-20 F1.5"));
     let passes = |section: &ThreadSectionReport| {
         let passes = section.job.passes.iter();
-        passes.map(|pass| (pass.start, pass.amplitude_mm, pass.phase_shift_deg, pass.start_travel_mm)).collect::<Vec<_>>()
+        passes
+            .map(|pass| (pass.start, pass.amplitude_mm, pass.phase_shift_deg, pass.start_travel_mm))
+            .collect::<Vec<_>>()
     };
     assert_eq!(passes(&shifted), passes(&written));
     let last = passes(&shifted)[2];

@@ -176,7 +176,8 @@ impl Execution<'_> {
         let (number, tool, on_line) = (self.state.length.number, self.state.tool, self.state.length.on_line);
         let span = self.block.span();
         self.findings.push_with(code::LENGTH_OTHER_TOOL, |code| {
-            let message = format!("Z moves with H{number} of line {on_line} still in force, but T{tool} is in the spindle");
+            let message =
+                format!("Z moves with H{number} of line {on_line} still in force, but T{tool} is in the spindle");
             Finding::new(code, span, message)
                 .with_value("length_offset", f64::from(number), "")
                 .with_value("tool", f64::from(tool), "")

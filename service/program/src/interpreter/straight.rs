@@ -101,7 +101,14 @@ impl Interpreter {
             && state.unread == 0
             && state.feed_unit != FeedUnit::InverseTime
             && !self.settings.plain_drawing_words;
-        if is_told_by_flow || is_open || is_another_motion || is_beside || is_transformed || keeps_length || !is_as_usual {
+        if is_told_by_flow
+            || is_open
+            || is_another_motion
+            || is_beside
+            || is_transformed
+            || keeps_length
+            || !is_as_usual
+        {
             return None;
         }
         Some(Common {
