@@ -321,7 +321,7 @@ impl Interpreter {
             Progress::Done => {
                 if let Some(saved) = self.state.machine.returning.take() {
                     self.with_execution(operations, findings, |execution| {
-                        execution.restore_codes(&saved, pending.span)
+                        execution.restore_codes(&saved, pending.span);
                     });
                 }
             }
