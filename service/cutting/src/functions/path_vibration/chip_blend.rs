@@ -10,8 +10,10 @@
 //! The chip can break where that is at least f_r; with E = 1 at both places it is the 2A·|sin πD| of a steady vibration. Where a
 //! steady one breaks nothing, nothing breaks; within the first revolution of a section there is no surface to break through.
 //!
-//! It does break there within a share a = acos(f_r/swing)/π of each vibration. So behind a break the next one comes after no
-//! more than 1 − a/2 of a vibration along which it can, whatever the phase, and no stretch of one vibration is without a break.
+//! It does break there within a share a = acos(f_r/swing)/π of each vibration of the thickness. So behind a break the next one comes
+//! after no more than 1 − a/2 of such a vibration along which it can, whatever the phase, and no stretch of one is without a break.
+//! The thickness goes through its vibrations ahead of or behind the tool by the angle of E(s) − E(s − f_r)·e^(−2πiD), which the
+//! blends change.
 
 use core::f64::consts::PI;
 use std::collections::VecDeque;
@@ -22,6 +24,7 @@ use super::chip::{CutCondition, reaches_through};
 use super::chip_course::{Piece, WorstCut};
 use super::report::BlendReport;
 use crate::shared::blend::{BlendedPath, blend};
+use feedwave_motion::sincos_turns;
 
 /// Steps in which the blend is gone through; the place where breaking begins or ends is solved for in its step.
 const STEPS_PER_RAMP: f64 = 16.0;
@@ -164,7 +167,7 @@ impl Parts {
     }
 }
 
-/// A length of path, and the revolutions and vibrations on it.
+/// A length of path, and the revolutions and the vibrations of the chip's thickness on it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Extent {
     mm: f64,
@@ -173,13 +176,17 @@ struct Extent {
 }
 
 impl Extent {
-    fn of(mm: f64, cut: &CutCondition) -> Self {
+    /// Of a stretch along which the thickness gains on the tool by `gained_turns`.
+    fn of(mm: f64, cut: &CutCondition, gained_turns: f64) -> Self {
         let revolutions = mm / cut.feed_per_rev_mm;
-        Self { mm, revolutions, vibrations: revolutions * cut.vibrations_per_rev() }
+        Self { mm, revolutions, vibrations: revolutions * cut.vibrations_per_rev() + gained_turns }
     }
 
-    fn scaled(self, share: f64) -> Self {
-        Self { mm: self.mm * share, revolutions: self.revolutions * share, vibrations: self.vibrations * share }
+    /// What of it has this many vibrations; `None` where it has fewer.
+    fn up_to(self, vibrations: f64) -> Option<Self> {
+        let share = if vibrations > 0.0 { vibrations / self.vibrations } else { 0.0 };
+        let part = Self { mm: self.mm * share, revolutions: self.revolutions * share, vibrations };
+        (vibrations <= self.vibrations).then_some(part)
     }
 
     fn add(&mut self, other: Self) {
@@ -210,6 +217,8 @@ struct Place {
     cut: CutCondition,
     whole: f64,
     margin: f64,
+    /// How far the thickness is ahead of the tool in its vibration, turns.
+    ahead_turns: f64,
 }
 
 impl Place {
@@ -220,6 +229,12 @@ impl Place {
 
     fn breaks(&self) -> bool {
         reaches_through(self.openness())
+    }
+
+    /// How much farther ahead the thickness is at another place nearby, turns.
+    fn gained_turns(&self, later: &Self) -> f64 {
+        let gained = later.ahead_turns - self.ahead_turns;
+        gained - libm::rint(gained)
     }
 
     /// Share in air over the revolution before.
@@ -234,6 +249,8 @@ struct Places<'a> {
     parts: &'a Parts,
     /// At a constant spindle speed every cut of the piece, and its margin with the whole amplitude.
     constant: Option<(CutCondition, f64)>,
+    /// Sine and cosine of the angle that a revolution lies behind by, likewise.
+    behind: Option<(f64, f64)>,
 }
 
 impl<'a> Places<'a> {
@@ -242,7 +259,8 @@ impl<'a> Places<'a> {
             Piece::Constant(block) => Some((block.cut, block.cut.breaking_margin())),
             Piece::Surface(_) | Piece::Stopped { .. } => None,
         };
-        Self { piece, parts, constant }
+        let behind = constant.map(|(cut, _)| sincos_turns(cut.vibrations_per_rev()));
+        Self { piece, parts, constant, behind }
     }
 
     /// The cut at a place, and its margin with the whole amplitude.
@@ -257,7 +275,10 @@ impl<'a> Places<'a> {
         let change = (now - before) * cut.amplitude_mm / cut.feed_per_rev_mm;
         let margin = (change * change + now * before * whole * whole).sqrt();
         let has_surface = !self.parts.any || before_mm >= -SAME_PLACE_MM;
-        Some(Place { cut, whole, margin: if has_surface { margin } else { margin.min(WITHOUT_SURFACE) } })
+        let margin = if has_surface { margin } else { margin.min(WITHOUT_SURFACE) };
+        let (sin, cos) = self.behind.unwrap_or_else(|| sincos_turns(cut.vibrations_per_rev()));
+        let ahead_turns = libm::atan2(before * sin, now - before * cos) / (2.0 * PI);
+        Some(Place { cut, whole, margin, ahead_turns })
     }
 
     /// Where breaking begins or ends between two places that differ in it: by false position, in which an end that stays counts half.
@@ -293,7 +314,7 @@ pub(super) struct BlendTally {
     /// What the whole amplitude would break inside of the section, mm.
     inside_mm: f64,
     run: Option<Run>,
-    /// The last vibration on which the chip could break, and the share in air.
+    /// The last vibration on which the chip could break, and the least share in air.
     breaking: VecDeque<(Extent, f64)>,
     /// Vibrations of the stretch in progress on which it can break, and of the one that has most.
     breaking_vibrations: f64,
@@ -336,9 +357,10 @@ impl BlendTally {
         for step in 0..steps {
             let start_mm = from_mm + length_mm * step as f64;
             let Some((cut, whole)) = places.cut_at(start_mm + 0.5 * length_mm) else { return };
-            let place = Place { cut, whole, margin: whole };
+            // The same share at both places: the thickness keeps its angle.
+            let place = Place { cut, whole, margin: whole, ahead_turns: 0.0 };
             self.is_at(places, &place, feed_override);
-            self.add_stretch(places, [start_mm, start_mm + length_mm], &place, place.air());
+            self.add_stretch(places, [start_mm, start_mm + length_mm], [&place, &place], &place, 0.5);
         }
     }
 
@@ -351,14 +373,14 @@ impl BlendTally {
             let to = places.at(to_mm);
             let (Some(first), Some(last)) = (from, to) else { return };
             self.is_at(places, &last, feed_override);
-            let airs = [first.air(), last.air()];
             if first.breaks() == last.breaks() {
-                self.add_stretch(places, [from_mm, to_mm], &last, 0.5 * (airs[0] + airs[1]));
+                self.add_stretch(places, [from_mm, to_mm], [&first, &last], &last, 0.5);
             } else {
-                // Where breaking begins the share in air rises as a root.
                 let change_mm = places.change_mm([from_mm, to_mm], [&first, &last]);
-                self.add_stretch(places, [from_mm, change_mm], &first, airs[0] / 1.5);
-                self.add_stretch(places, [change_mm, to_mm], &last, airs[1] / 1.5);
+                let Some(change) = places.at(change_mm) else { return };
+                // Where breaking begins the share in air rises as a root.
+                self.add_stretch(places, [from_mm, change_mm], [&first, &change], &first, 1.0 / 1.5);
+                self.add_stretch(places, [change_mm, to_mm], [&change, &last], &last, 1.0 / 1.5);
             }
             (from_mm, from) = (to_mm, to);
         }
@@ -372,17 +394,26 @@ impl BlendTally {
         }
     }
 
-    /// A stretch on which the chip can break as at this place.
-    fn add_stretch(&mut self, places: &Places<'_>, [start_mm, end_mm]: [f64; 2], place: &Place, air: f64) {
+    /// A stretch between two places on which the chip can break as at `place`; on the mean it is in air for `mean` of the sum of the
+    /// shares at its ends.
+    fn add_stretch(
+        &mut self,
+        places: &Places<'_>,
+        [start_mm, end_mm]: [f64; 2],
+        [first, last]: [&Place; 2],
+        place: &Place,
+        mean: f64,
+    ) {
         let (length_mm, parts) = (end_mm - start_mm, places.parts);
         if length_mm <= 0.0 {
             return;
         }
-        self.air_mm += air * length_mm;
-        let extent = Extent::of(length_mm, &place.cut);
+        let extent = Extent::of(length_mm, &place.cut, first.gained_turns(last));
         if place.breaks() {
+            let airs = [first.air(), last.air()];
+            self.air_mm += mean * (airs[0] + airs[1]) * length_mm;
             self.broken_mm += length_mm;
-            self.add_breaking(extent, air, parts);
+            self.add_breaking(extent, airs[0].min(airs[1]), parts);
             return;
         }
         self.breaking_vibrations = 0.0;
@@ -405,7 +436,7 @@ impl BlendTally {
         run.blended_mm += if reaches_through(place.whole) { length_mm } else { 0.0 };
     }
 
-    /// Adds a stretch on which the chip can break.
+    /// Adds a stretch on which the chip can break, with at least this share in air.
     fn add_breaking(&mut self, extent: Extent, air: f64, parts: &Parts) {
         self.breaking_vibrations += extent.vibrations;
         self.most_vibrations = self.most_vibrations.max(self.breaking_vibrations);
@@ -417,9 +448,9 @@ impl BlendTally {
         }
         let Some(run) = &mut self.run else { return };
         let needed = (1.0 - 0.5 * air - run.after.vibrations).max(0.0);
-        let is_certain = needed <= extent.vibrations;
-        run.after.add(if is_certain { extent.scaled(needed / extent.vibrations) } else { extent });
-        if is_certain {
+        let certain = extent.up_to(needed);
+        run.after.add(certain.unwrap_or(extent));
+        if certain.is_some() {
             self.end_run(parts);
         }
     }
@@ -485,11 +516,11 @@ fn since_break(breaking: &VecDeque<(Extent, f64)>) -> Extent {
     let mut since = Extent::default();
     for (extent, air) in breaking.iter().rev() {
         let needed = (1.0 - 0.5 * air - since.vibrations).max(0.0);
-        if needed <= extent.vibrations {
-            since.add(extent.scaled(needed / extent.vibrations));
+        let certain = extent.up_to(needed);
+        since.add(certain.unwrap_or(*extent));
+        if certain.is_some() {
             break;
         }
-        since.add(*extent);
     }
     since
 }

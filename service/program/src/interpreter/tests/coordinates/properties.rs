@@ -29,6 +29,11 @@ fn change() -> impl Strategy<Value = String> {
     ]
 }
 
+/// Whether nothing was found but that `G43.1` was programmed in the other unit.
+fn is_right(findings: &[String]) -> bool {
+    findings.iter().all(|finding| finding.ends_with(":PRG-LENGTH-UNIT"))
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
@@ -38,7 +43,7 @@ proptest! {
         let program: String =
             changes.iter().map(|change| format!("{change}\nG0 X{x} Y2\n")).collect::<String>() + "G21 G53 X7 Y-8";
         let run = run_with(&linuxcnc(), &tools(), &program);
-        prop_assert!(run.findings.is_empty(), "{program}\n{:?}", run.findings);
+        prop_assert!(is_right(&run.findings), "{program}\n{:?}", run.findings);
         let Some((_, end)) = run.moves.last() else { return Ok(()) };
         prop_assert!((end[0] - 7.0).abs() < 1e-9 && (end[1] + 8.0).abs() < 1e-9, "{program}\n{end:?}");
         resumes(&linuxcnc(), &program);
@@ -50,7 +55,7 @@ proptest! {
         let changes = changes.join("\n");
         let program = format!("{changes}\nG21 G90 G10 L20 P0 X{x} Y{y}\nG0 X{x} Y{y}");
         let run = run_with(&linuxcnc(), &tools(), &program);
-        prop_assert!(run.findings.is_empty(), "{program}\n{:?}", run.findings);
+        prop_assert!(is_right(&run.findings), "{program}\n{:?}", run.findings);
         for (_, end) in run.moves {
             prop_assert!(end[0].abs() < 1e-9 && end[1].abs() < 1e-9, "{program}\n{end:?}");
         }
