@@ -62,7 +62,7 @@ crate::finding_codes! {
     }
 
     "PRG-MAIN-RETURN" [MAIN_RETURN: Info] {
-        meaning: "the main program ends with `M99`, which starts it again on the control",
+        meaning: "the main program ends with `M99`, or goes back to a block by `M99 P` without any condition, which runs it again and again on the control",
         cause: "Bar feeders and pallet machines run a program again and again by `M99`; or the file is a subprogram, which returns by it.",
         cure: "Nothing has to be done: one pass is planned. A subprogram is judged as a part of the program that calls it.",
         example: mill("G0 X1\nM99"),

@@ -93,6 +93,8 @@ pub(crate) struct FlowState {
     has_jumped: bool,
     /// `M99` in the main program.
     restarts_at: Option<SourceSpan>,
+    /// A condition or a computed jump was carried out: a round may end otherwise than the one before.
+    has_decided: bool,
     /// O-words that have begun something.
     labels: Labels,
     /// The turning cycle along a contour that is being carried out.
@@ -275,6 +277,8 @@ pub(super) struct Pending {
 pub(super) enum Jump {
     /// `GOTO`
     Label(u32),
+    /// `M99 P` of the main program.
+    MainReturn(u32),
     /// `DOm`, with the value of its `WHILE`.
     Do(bool),
     /// A statement of the O-word language, with the value of its condition or its count where it has one.

@@ -116,6 +116,7 @@ impl Interpreter {
                     });
                     return false;
                 }
+                self.state.flow.has_decided |= self.block.word(b'P').is_some_and(|word| word.number.is_computed());
                 self.end_call(span, self.whole_word(b'P'));
                 true
             }
@@ -178,7 +179,7 @@ impl Interpreter {
     pub(super) fn end_call(&mut self, span: SourceSpan, label: Option<u32>) {
         match (self.state.flow.calls.is_empty(), label) {
             (false, label) => self.wait(span, Jump::Return(label)),
-            (true, Some(label)) => self.wait(span, Jump::Label(label)),
+            (true, Some(label)) => self.wait(span, Jump::MainReturn(label)),
             (true, None) => self.state.flow.restarts_at = Some(span),
         }
     }

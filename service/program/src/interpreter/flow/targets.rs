@@ -24,7 +24,7 @@ impl Interpreter {
                 self.go_to(*mark);
                 Progress::Done
             }
-            Jump::Label(number) => self.go_to_label(*number, pending, findings),
+            Jump::Label(number) | Jump::MainReturn(number) => self.go_to_label(*number, pending, findings),
             Jump::Do(holds) => self.do_loop(*holds, pending, findings),
             Jump::OWord(what, value) => self.o_word(*what, *value, pending, findings),
             Jump::Call(request) => self.call(request, pending, findings),
@@ -57,6 +57,10 @@ impl Interpreter {
                     .retain(|open| (open.head.place.offset..=open.last.place.offset).contains(&mark.place.offset));
                 if mark.place > pending.from.place {
                     flow.leave_jumps(mark);
+                } else if matches!(pending.jump, Jump::MainReturn(_)) && !flow.has_decided {
+                    // Every round is as this one: the control goes on until it is stopped.
+                    flow.restarts_at = Some(pending.span);
+                    return Progress::Done;
                 } else if self.is_jump_endless(mark, pending, findings) {
                     return Progress::Failed;
                 }

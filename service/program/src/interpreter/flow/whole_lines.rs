@@ -19,6 +19,11 @@ impl Interpreter {
             pending.behind = behind;
         }
         self.settle(operations, findings);
+        self.end_pass(operations, findings);
+    }
+
+    /// Ends the program where its main program has begun again.
+    fn end_pass(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         if let Some(span) = self.state.flow.restarts_at.take() {
             findings.push_with(code::MAIN_RETURN, |code| {
                 Finding::new(code, span, "the control starts the program again here; one pass of it is planned").suggest(
@@ -56,6 +61,7 @@ impl Interpreter {
         }
         self.indexes[program] = Some(Arc::new(indexing.finish()));
         self.settle(operations, findings);
+        self.end_pass(operations, findings);
         LineOutcome::Elsewhere
     }
 
@@ -70,7 +76,10 @@ impl Interpreter {
     ) -> bool {
         let span = self.span_in(line, 0, line.len());
         let goes_on = match self.block.rest {
-            Some(Rest::Statement(at)) => self.macro_statement(line, at as usize, operations, findings),
+            Some(Rest::Statement(at)) => {
+                self.state.flow.has_decided = true;
+                self.macro_statement(line, at as usize, operations, findings)
+            }
             Some(Rest::Arguments { at, modal }) => self.macro_call(line, at as usize, modal, findings),
             Some(Rest::OWord(at)) => match self.o_statement(line, at as usize, findings) {
                 Some(goes_on) => goes_on,

@@ -32,6 +32,13 @@ fn mill_xs(program: &str) -> Vec<f64> {
     xs(&format!("{program}\nM30\n"), &LanguageSettings::mill())
 }
 
+fn haas_mill() -> LanguageSettings {
+    LanguageSettings {
+        drilling: DrillingSettings { style: DrillingStyle::Haas, ..DrillingSettings::default() },
+        ..LanguageSettings::mill()
+    }
+}
+
 fn linuxcnc_xs(program: &str) -> Vec<f64> {
     xs(&format!("{program}\nM2\n"), &LanguageSettings::linuxcnc())
 }
@@ -61,10 +68,7 @@ fn goto_leads_to_the_block_of_its_number_forward_and_back() {
 
 #[test]
 fn a_condition_before_m99_is_a_jump_of_haas_controls() {
-    let haas = LanguageSettings {
-        drilling: DrillingSettings { style: DrillingStyle::Haas, ..DrillingSettings::default() },
-        ..LanguageSettings::mill()
-    };
+    let haas = haas_mill();
     let haas_xs = |program: &str| xs(&format!("{program}\nM30\n"), &haas);
     assert_eq!(haas_xs("#1=1\nN10 [#1 EQ 1] M99 P50\nG0 X9\nN50 G0 X1"), [1.0]);
     assert_eq!(haas_xs("#1=2\n[#1 EQ 1] M99 P50\nG0 X9\nN50 G0 X1"), [9.0, 1.0]);
@@ -112,6 +116,25 @@ fn a_main_program_that_ends_with_m99_is_run_once() {
     assert_eq!(points, [[1.0, 0.0, 0.0]]);
     let codes: Vec<_> = findings.into_findings().iter().map(|it| (it.code.name(), it.severity)).collect();
     assert_eq!(codes, [("PRG-MAIN-RETURN", Severity::Info)]);
+}
+
+#[test]
+fn a_main_program_that_goes_back_without_a_condition_is_run_once() {
+    for (program, ends_at) in [
+        ("G0 X1\nN10 X2\nX3\nM99 P10\n", 3.0),
+        // Counted, but nobody asks for the count.
+        ("N10 #1=#1+1\nG0 X#1\nM99 P10\nM30\n", 1.0),
+        ("N10 G0 X1\nM98 P100\nM99 P10\nM30\nO100\nG0 X2\nM99\n", 2.0),
+    ] {
+        let (points, findings) = ends(program, &LanguageSettings::mill());
+        assert_eq!(points.last().map(|it| it[0]), Some(ends_at), "{program}");
+        let codes: Vec<_> = findings.into_findings().iter().map(|it| it.code.name()).collect();
+        assert_eq!(codes, ["PRG-MAIN-RETURN"], "{program}");
+    }
+    // Where something is decided it is a jump.
+    assert_eq!(mill_xs("N10 #1=#1+1\nG0 X#1\nIF [#1 GT 2] GOTO 20\nM99 P10\nN20"), [1.0, 2.0, 3.0]);
+    assert_eq!(mill_xs("#2=10\nN10 G0 X#2\n#2=#2+10\nM99 P#2\nN20 X7\nM99 P30\nN30"), [10.0, 7.0]);
+    assert_eq!(xs("N10 #1=#1+1\nG0 X#1\n[#1 GT 2] M99 P20\nM99 P10\nN20 M30\n", &haas_mill()), [1.0, 2.0, 3.0]);
 }
 
 #[test]

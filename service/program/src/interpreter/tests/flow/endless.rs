@@ -174,7 +174,7 @@ fn a_loop_that_moves_and_comes_to_a_state_again_is_endless_at_once() {
     let mill = LanguageSettings { max_executed_blocks: 2_000, ..LanguageSettings::mill() };
     let linuxcnc = LanguageSettings { max_executed_blocks: 2_000, ..LanguageSettings::linuxcnc() };
     for (settings, program, line, most) in [
-        (&mill, "N10 G0 X1\nX2\nM99 P10", 3, 6),
+        (&mill, "N10 G0 X1\nX2\nGOTO 10", 3, 6),
         (&mill, "WHILE [1 EQ 1] DO1\nG0 X1\nX2\nEND1\nM30", 1, 6),
         (&mill, "G0 X9\nN1 X1\nM98 P100\nGOTO 1\nM30\nO100\nG91 X1\nG90\nM99", 4, 7),
         (&linuxcnc, "o1 while [1]\nG0 X1\nX2\no1 endwhile\nM2", 1, 6),
