@@ -20,6 +20,9 @@ const SPACED: u32 = 1 << 17;
 /// Bit of [`Number::is_computed`].
 const COMPUTED: u32 = 1 << 18;
 
+/// Bit of [`Number::is_negative`].
+const NEGATIVE_AT: u32 = 19;
+
 impl Number {
     /// Zero, as a placeholder in reused storage.
     pub(crate) const ZERO: Self = Self { value: 0.0, form: 0 };
@@ -28,7 +31,13 @@ impl Number {
     fn new(value: f64, has_point: bool, spaced: bool, integer_digits: usize) -> Self {
         let digits = integer_digits.min(usize::from(u16::MAX)) as u32;
         let form = digits | if has_point { HAS_POINT } else { 0 } | if spaced { SPACED } else { 0 };
-        Self { value, form }
+        Self::signed(value, value.is_sign_negative(), form)
+    }
+
+    /// A number of which a zero has no sign, but for what its form says.
+    #[inline(always)]
+    fn signed(value: f64, negative: bool, form: u32) -> Self {
+        Self { value: value + 0.0, form: form | u32::from(negative) << NEGATIVE_AT }
     }
 
     /// The value of an expression, which is finite. It counts as written with a decimal point, so that it is never scaled, and with as
@@ -36,8 +45,14 @@ impl Number {
     #[must_use]
     pub(crate) fn computed(value: f64) -> Self {
         let digits = (value.abs().max(1.0) as u64).ilog10() + 1;
-        // Adding zero turns a negative zero into zero.
-        Self { value: value + 0.0, form: digits | HAS_POINT | COMPUTED }
+        Self::signed(value, value.is_sign_negative(), digits | HAS_POINT | COMPUTED)
+    }
+
+    /// Whether it was written with a minus, a zero as well: the sign is a direction where a rotary axis wraps.
+    #[inline]
+    #[must_use]
+    pub(crate) const fn is_negative(self) -> bool {
+        self.form & (1 << NEGATIVE_AT) != 0
     }
 
     /// Whether it is the value of an expression.
@@ -140,7 +155,8 @@ pub(crate) fn scan_plain(line: &[u8], start: usize) -> Option<(Number, usize)> {
         let magnitude = mantissa.cast_signed() as f64;
         // Subtracted, because zero has no sign.
         let value = if negative { 0.0 - magnitude } else { magnitude };
-        return is_exact.then_some((Number { value, form: integer_digits as u32 }, point));
+        let form = integer_digits as u32 | u32::from(negative) << NEGATIVE_AT;
+        return is_exact.then_some((Number { value, form }, point));
     }
     let end = scan_digits(line, point + 1, &mut mantissa);
     let fraction_digits = end.wrapping_sub(point).wrapping_sub(1);
@@ -149,7 +165,7 @@ pub(crate) fn scan_plain(line: &[u8], start: usize) -> Option<(Number, usize)> {
     }
     let magnitude = mantissa.cast_signed() as f64 / EXACT_POWERS_OF_TEN.get(fraction_digits)?;
     let value = if negative { 0.0 - magnitude } else { magnitude };
-    Some((Number { value, form: integer_digits as u32 | HAS_POINT }, end))
+    Some((Number { value, form: integer_digits as u32 | HAS_POINT | u32::from(negative) << NEGATIVE_AT }, end))
 }
 
 /// Reads the number without a sign that starts at `start` in an expression, where a sign behind it is an operator.
@@ -227,8 +243,7 @@ fn read_long(text: &[u8], spaced: bool) -> Result<Number, NumberDefect> {
     }
     let unsigned = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text);
     let integer_digits = unsigned.iter().take_while(|byte| byte.is_ascii_digit()).count();
-    // Adding zero turns a negative zero into zero.
-    Ok(Number::new(value + 0.0, text.contains(&b'.'), spaced, integer_digits))
+    Ok(Number::new(value, text.contains(&b'.'), spaced, integer_digits))
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 mod polar;
 mod target;
 
+pub(super) use target::shorter_turn;
+
 use super::execute::Execution;
 use super::spline::is_point;
 use crate::code;
@@ -383,14 +385,12 @@ impl Execution<'_> {
         if self.state.unread & JUDGED_BY != 0 {
             return None;
         }
+        let rotary = |place: usize| matches!(self.table.dialect.letters[place], Letter::Axis(axis) if axis.is_rotary());
+        // Degrees are the same in inches.
+        let rotary_only = self.state.feed != self.state.feed_as_written && axes != 0 && set_bits(axes).all(rotary);
+        let feed = if rotary_only { self.state.feed_as_written } else { feed };
         match self.state.feed_unit {
-            FeedUnit::PerMinute => {
-                let rotary =
-                    |place: usize| matches!(self.table.dialect.letters[place], Letter::Axis(axis) if axis.is_rotary());
-                let rotary_only =
-                    self.state.feed != self.state.feed_as_written && axes != 0 && set_bits(axes).all(rotary);
-                Some(Feed::PerMinute(if rotary_only { self.state.feed_as_written } else { feed }))
-            }
+            FeedUnit::PerMinute => Some(Feed::PerMinute(feed)),
             FeedUnit::InverseTime => Some(Feed::InverseTime(feed)),
             FeedUnit::PerRevolution if self.state.spindle_turns() => Some(Feed::PerRevolution(feed)),
             FeedUnit::PerRevolution => {

@@ -1,6 +1,6 @@
 //! Reference positions: `G28`, `G30`, `G29`, and `G28.1`, `G30.1` of LinuxCNC, which store them.
 
-use super::super::motion::Frame;
+use super::super::motion::{Frame, shorter_turn};
 use super::super::tool_control::{GuidedPath, ROTARY_LETTERS};
 use super::{Execution, HAAS_STYLE};
 use crate::code;
@@ -8,6 +8,9 @@ use crate::coordinates::Intermediate;
 use crate::dialect::{Letter, letter_bit};
 use crate::state::ToolMode;
 use crate::{Axis, AxisSet, DialectName, Feed, Finding, MoveKind, Position, SourceSpan};
+
+/// Rounding, in turns: an axis that is there does not turn.
+const SAME_TURN: f64 = 1e-12;
 
 /// Every axis.
 const ALL: AxisSet = AxisSet::LINEAR.with(AxisSet::ROTARY).with_axis(Axis::U).with_axis(Axis::V).with_axis(Axis::W);
@@ -51,7 +54,7 @@ impl Execution<'_> {
         let named = self.named_axes(axes);
         let intermediate = Intermediate { axes: named, position: over, total: self.state.coords.total };
         self.state.coords.tables.intermediate = Some(intermediate);
-        self.go_home(named, &reference);
+        self.go_home(named, &reference, span);
     }
 
     /// Index of the reference position; nothing after a finding.
@@ -98,11 +101,11 @@ impl Execution<'_> {
             let here = self.state.position;
             self.emit_move(MoveKind::Rapid, &here, None, Feed::PerMinute(0.0));
         }
-        self.go_home(ALL, reference);
+        self.go_home(ALL, reference, span);
     }
 
     /// Rapid to the reference position in these axes.
-    fn go_home(&mut self, named: AxisSet, reference: &Position) {
+    fn go_home(&mut self, named: AxisSet, reference: &Position, span: SourceSpan) {
         if self.settings.coordinates.reference_cancels_local && !self.is_linuxcnc_dialect() {
             let settings = self.settings;
             self.rebase(|state| {
@@ -115,13 +118,15 @@ impl Execution<'_> {
             let total = self.state.coords.total;
             let mut home = self.state.position;
             for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
-                home[axis.index()] = reference[axis.index()] - total[axis.index()];
+                let (place, offset) = (axis.index(), total[axis.index()]);
+                home[place] = self.home_of(axis, reference[place], home[place] + offset, span) - offset;
             }
             home
         } else {
             let mut machine = self.machine_position();
             for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
-                machine[axis.index()] = reference[axis.index()];
+                let place = axis.index();
+                machine[place] = self.home_of(axis, reference[place], machine[place], span);
             }
             self.state.coords.programmed(&machine)
         };
@@ -134,6 +139,28 @@ impl Execution<'_> {
             self.rapid(home);
         }
         self.state.position = home;
+    }
+
+    /// Where an axis comes to its reference position from `present`, both in machine coordinates: one that rolls over within a turn, by the
+    /// shorter way; that of LinuxCNC in the positive direction.
+    fn home_of(&mut self, axis: Axis, reference: f64, present: f64, span: SourceSpan) -> f64 {
+        if !self.settings.coordinates.rolls_over(axis) || self.state.tool_control.held.contains(axis) {
+            return reference;
+        }
+        if self.is_linuxcnc_dialect() {
+            return reference + 360.0 * ((present - reference) / 360.0 - SAME_TURN).ceil();
+        }
+        match shorter_turn(present, reference) {
+            Ok(home) => home,
+            Err(message) => {
+                let message = format!("{}{reference}, the reference position: {message}", axis.letter());
+                let cure = format!("turn {} part of the way before, in the direction that it is to go", axis.letter());
+                self.findings.push_with(code::ROLL_OVER, |code| {
+                    Finding::new(code, span, message).with_value("present", present, "deg").suggest(cure)
+                });
+                reference
+            }
+        }
     }
 
     fn rapid(&mut self, end: Position) {

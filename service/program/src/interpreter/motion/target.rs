@@ -139,7 +139,12 @@ impl Execution<'_> {
         }
         let offset = if frame == Frame::Machine { self.machine_offset()[axis.index()] } else { 0.0 };
         let present = self.state.position[axis.index()] + offset;
-        match rolled_over(present, value, self.table.dialect.is_linuxcnc) {
+        let turned = if self.table.dialect.is_linuxcnc {
+            wrapped(present, value, self.block.slot(place).number.is_negative())
+        } else {
+            shorter_turn(present, value)
+        };
+        match turned {
             Ok(rolled) => rolled,
             Err(message) => {
                 let message = format!("{}{value}: {message}", axis.letter());
@@ -156,19 +161,27 @@ impl Execution<'_> {
 /// Half a turn is as far in one direction as in the other, within this, degrees.
 const HALF_TURN_TOLERANCE_DEG: f64 = 1e-9;
 
-/// Where an axis that rolls over goes for an absolute word: the shorter turn; in LinuxCNC the sign is the direction.
-fn rolled_over(present: f64, value: f64, is_linuxcnc: bool) -> Result<f64, &'static str> {
-    if is_linuxcnc {
-        if value.abs() >= 360.0 {
-            return Err("an axis that wraps takes less than a full turn");
-        }
-        let rolled = value.abs() + (present / 360.0).floor() * 360.0;
-        return Ok(match value.is_sign_negative() {
-            false if rolled < present => rolled + 360.0,
-            true if rolled > present => rolled - 360.0,
-            _ => rolled,
-        });
+/// Where an axis of LinuxCNC that wraps goes for an absolute word, whose sign is the direction, also that of a zero.
+///
+/// # Errors
+/// Why it goes nowhere.
+fn wrapped(present: f64, value: f64, is_negative: bool) -> Result<f64, &'static str> {
+    if value.abs() >= 360.0 {
+        return Err("an axis that wraps takes less than a full turn");
     }
+    let rolled = value.abs() + (present / 360.0).floor() * 360.0;
+    Ok(match is_negative {
+        false if rolled < present => rolled + 360.0,
+        true if rolled > present => rolled - 360.0,
+        _ => rolled,
+    })
+}
+
+/// Where an axis that rolls over comes to an angle by the shorter way.
+///
+/// # Errors
+/// Why neither way is the shorter one.
+pub(in crate::interpreter) fn shorter_turn(present: f64, value: f64) -> Result<f64, &'static str> {
     let ahead = (value - present).rem_euclid(360.0);
     if (ahead - 180.0).abs() < HALF_TURN_TOLERANCE_DEG {
         return Err("it is half a turn away, so that both directions are equally short");

@@ -177,11 +177,46 @@ fn axes_that_roll_over_go_the_shorter_way() {
     );
     assert_eq!(angles(&mill(), "G0 C10\nC350"), [10.0, 350.0]);
     finds(&settings, "G0 C0\nC180", &["2:PRG-ROLL-OVER"]);
+    // Home within a turn, however many turns were made.
+    assert_eq!(angles(&settings, "G91 G0 C3775\nG28 C0\nG90 C10"), [3775.0, 3600.0, 3610.0]);
+    assert_eq!(angles(&settings, "G54 G10 L2 P1 C30\nG0 C10\nG28 C20"), [10.0, 20.0, -30.0]);
+    finds(&settings, "G91 G0 C180\nG28 C0", &["2:PRG-ROLL-OVER"]);
     let mut settings = linuxcnc();
     settings.coordinates.roll_over = [true, false, true];
     // The sign is the direction.
     assert_eq!(angles(&settings, "G0 C10\nC350\nC5\nC-4\nC-350"), [10.0, 350.0, 365.0, 364.0, 350.0]);
+    assert_eq!(angles(&settings, "G0 C90\nC-0\nC90\nC0\nC90\nC-0."), [90.0, 0.0, 90.0, 360.0, 450.0, 360.0]);
     finds(&settings, "G0 C360", &["1:PRG-ROLL-OVER"]);
+    // Home in the positive direction.
+    assert_eq!(angles(&settings, "G91 G0 C3775\nG28 C0\nC0\nG28 C0"), [3775.0, 3960.0]);
+}
+
+#[test]
+fn degrees_of_a_feed_are_the_same_in_inches() {
+    for (program, feeds) in [
+        ("G20 M3 S1200\nG95 G1 C180 F.05\nX1 C0\nG94 C90 F60\nX2", "rev .05 rev 1.27 min 60 min 1524"),
+        ("G21 M3 S1200\nG95 G1 C180 F.05\nX1 C0\nG94 C90 F60", "rev .05 rev .05 min 60"),
+    ] {
+        for settings in [mill(), linuxcnc()] {
+            let run = run_with(&settings, &[], program);
+            let found: Vec<_> = run
+                .operations
+                .iter()
+                .filter_map(|operation| match &operation.kind {
+                    OperationKind::Move(step) => Some(step.feed),
+                    _ => None,
+                })
+                .collect();
+            let wanted: Vec<_> = feeds
+                .split(' ')
+                .collect::<Vec<_>>()
+                .chunks(2)
+                .map(|feed| (feed[0] == "rev", feed[1].parse::<f64>().unwrap()))
+                .map(|(per_rev, feed)| if per_rev { Feed::PerRevolution(feed) } else { Feed::PerMinute(feed) })
+                .collect();
+            assert_eq!(found, wanted, "{program}");
+        }
+    }
 }
 
 #[test]
