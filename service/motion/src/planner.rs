@@ -16,6 +16,7 @@
 
 mod behind;
 mod change;
+mod cruise;
 mod reach;
 mod refine;
 mod request;
@@ -461,11 +462,13 @@ impl<B> Planner<B> {
     fn release(&mut self, count: usize, end_speed: f64) {
         self.free_entry = None;
         let mut node = 0;
+        let divides = self.settings.limits.is_some();
         for Waiting { mut request, entry } in self.chain.drain(..count) {
             request.entry_reserve = entry.reserve;
             let stretches = self.scratch.planned(&request, node, None);
             node += stretches.len();
-            let planned = Planned::Motion(PlannedMotion::new(request, stretches));
+            let motion = PlannedMotion::new(request, stretches);
+            let planned = Planned::Motion(if divides { motion.divided_at_cruises(self.feed_override) } else { motion });
             self.ready.push_back(Released { planned, entry, last: None });
         }
         if let Some(last) = self.ready.back_mut().filter(|_| count > 0 && end_speed == 0.0) {

@@ -369,6 +369,8 @@ pub(crate) const MOST_RUN_S: f64 = 4.0;
 pub(crate) const WINDOW_S: f64 = 1.5;
 /// The same of the first window, so that the first setpoints come soon; each of the next ones is at most twice as long, s.
 pub(crate) const FIRST_WINDOW_S: f64 = 0.3;
+/// A cruise at the commanded speed from this long on is left out of what is planned for the least time, s.
+pub(crate) const LONG_CRUISE_S: f64 = 0.1;
 /// Relative difference within which a speed is the commanded one.
 pub(crate) const AT_COMMAND: f64 = 1e-9;
 /// Part of a window's time, from and to, in which the next one takes over at the earliest.

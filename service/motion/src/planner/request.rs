@@ -72,6 +72,18 @@ fn commanded(follows_override: bool, stretch: &Stretch, feed_override: f64) -> f
     }
 }
 
+/// Stretches without the divisions of a plan: those that differ in nothing but their ends are one.
+fn whole_stretches(planned: impl Iterator<Item = Stretch>) -> Stretches {
+    let mut whole = Stretches::new();
+    for stretch in planned {
+        match whole.last_mut().filter(|last| Stretch { end: stretch.end, ..**last } == stretch) {
+            Some(last) => last.end = stretch.end,
+            None => whole.push(stretch),
+        }
+    }
+    whole
+}
+
 /// A stretch with its profile.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannedStretch {
@@ -148,7 +160,7 @@ impl PlannedMotion {
     #[must_use]
     pub fn request_from(&self, first: usize, start: f64) -> MotionRequest {
         let &Self { entry_reserve, rest_at_end, passes_corners, follows_override, has_full_limits, origin, .. } = self;
-        let stretches = self.stretches[first..].iter().map(|planned| planned.stretch).collect();
+        let stretches = whole_stretches(self.stretches[first..].iter().map(|planned| planned.stretch));
         MotionRequest {
             element: self.element.clone(),
             start,

@@ -1,6 +1,7 @@
 //! Parts of profiles: a run of stretches has one profile, of which every stretch is a part.
 
 use serde::{Deserialize, Serialize};
+use smallvec::{SmallVec, smallvec};
 
 use super::Profile;
 use crate::tolerance::SOLVER_SLACK;
@@ -65,6 +66,22 @@ impl ProfilePart {
     pub(crate) fn is_steady(&self) -> bool {
         let [from, to] = self.steady_range();
         from <= self.start.0 && self.end.0 <= to
+    }
+
+    /// The parts before, in and behind a cruise of at least `long_s`; `None` where none of it is that long, or it is all of the part.
+    pub(crate) fn around_cruise(&self, long_s: f64) -> Option<SmallVec<[Self; 3]>> {
+        let [from, to] = self.profile.cruise();
+        let [from, to] = [from.max(self.start.0), to.min(self.end.0)];
+        if to - from < long_s * self.profile.cruise_velocity() || self.is_steady() {
+            return None;
+        }
+        let rounding = SOLVER_SLACK * self.profile.length;
+        let mut places: SmallVec<[f64; 4]> = smallvec![self.start.0];
+        places.extend(
+            [from, to].into_iter().filter(|place| place - self.start.0 > rounding && self.end.0 - place > rounding),
+        );
+        places.push(self.end.0);
+        Some(places.windows(2).map(|ends| Self::new(self.profile, ends[0], ends[1])).collect())
     }
 
     /// Where the whole profile has a constant speed, with some rounding.
