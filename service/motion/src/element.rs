@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use feedwave_program::{AXIS_COUNT, Axis, Move, MoveKind, Position, SourceSpan};
+use feedwave_program::{AXIS_COUNT, Axis, Move, MoveKind, Position, SourceSpan, straight_length};
 use serde::{Deserialize, Serialize};
 use smallvec::{SmallVec, smallvec};
 
@@ -71,7 +71,7 @@ impl Element {
                 let spline = Spline::from_geometry(geometry, &mv.start, &mv.end)?;
                 return Self::from_spline(mv.start, mv.end, spline, mv.work_offset, source, rapid);
             }
-            (None, _) => (Curve::Line, line_length(&mv.start, &mv.end)),
+            (None, _) => (Curve::Line, straight_length(&mv.start, &mv.end)),
             (Some(geometry), _) => {
                 let arc = Arc::new(geometry, &mv.start, &mv.end);
                 let mean_radius_mm = 0.5 * (arc.start_radius_mm + arc.end_radius_mm);
@@ -478,18 +478,4 @@ impl Element {
         }
         (low, high)
     }
-}
-
-/// Length of a straight move: of the linear axes, or of the rotary ones where no linear axis moves.
-fn line_length(start: &Position, end: &Position) -> f64 {
-    let square = |rotary: bool| -> f64 {
-        Axis::ALL
-            .into_iter()
-            .filter(|axis| axis.is_rotary() == rotary)
-            .map(|axis| end[axis.index()] - start[axis.index()])
-            .map(|delta| delta * delta)
-            .sum()
-    };
-    let linear = square(false);
-    if linear > 0.0 { linear.sqrt() } else { square(true).sqrt() }
 }

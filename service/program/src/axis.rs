@@ -54,6 +54,26 @@ impl Axis {
     }
 }
 
+/// Ways of linear axes below this, mm, are the rounding of computed positions: where rotary axes turn, these turn alone.
+pub(crate) const LEAST_WAY_MM: f64 = 1e-8;
+
+/// Way of some axes between two positions: the root of the squares' sum.
+pub(crate) fn way_of(start: &Position, end: &Position, counts: impl Fn(Axis) -> bool) -> f64 {
+    let square = |axis: Axis| (end[axis.index()] - start[axis.index()]).powi(2);
+    Axis::ALL.into_iter().filter(|&axis| counts(axis)).map(square).sum::<f64>().sqrt()
+}
+
+/// Length of a straight move: of its linear axes, mm, or of the rotary ones, degrees, where no linear axis moves.
+#[must_use]
+pub fn straight_length(start: &Position, end: &Position) -> f64 {
+    let linear = way_of(start, end, |axis| !axis.is_rotary());
+    if linear > LEAST_WAY_MM {
+        return linear;
+    }
+    let rotary = way_of(start, end, Axis::is_rotary);
+    if rotary > 0.0 { rotary } else { linear }
+}
+
 /// Plane of circular motion (`G17`, `G18`, `G19`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Plane {

@@ -32,7 +32,7 @@ mod source;
 mod state;
 mod tool_table;
 
-pub use axis::{AXIS_COUNT, Axis, Plane, Position};
+pub use axis::{AXIS_COUNT, Axis, Plane, Position, straight_length};
 pub use code_replacement::{CodeReplacement, code_replacement_problems};
 pub use compensation::{
     CompensationCommand, CompensationCorner, CompensationEntry, CompensationMode, CompensationRules, Compensator,

@@ -84,7 +84,7 @@ impl Execution<'_> {
                 end[along] = start[along] + (end[across] - start[across]) * cosine / sine;
             }
             (true, true) => {
-                if !self.meet(angle_deg, end[along], end[across], axes, span) {
+                if !self.meet(angle_deg, end[along], end[across], span) {
                     self.state.position = end;
                     return;
                 }
@@ -98,14 +98,14 @@ impl Execution<'_> {
                 );
             }
         }
-        if let Some(feed) = self.cutting_feed(axes) {
+        if let Some(feed) = self.cutting_feed() {
             self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, &end, None, feed));
         }
         self.state.position = end;
     }
 
     /// The first of two lines, to the point that it has in common with this block's; whether there is one.
-    fn meet(&mut self, angle_deg: f64, along: f64, across: f64, axes: u32, span: SourceSpan) -> bool {
+    fn meet(&mut self, angle_deg: f64, along: f64, across: f64, span: SourceSpan) -> bool {
         let Some(line) = self.state.angle_line.take() else {
             self.angle_error(
                 span,
@@ -131,7 +131,7 @@ impl Execution<'_> {
         let mut point = start;
         point[first.index()] += d[0] * distance;
         point[second.index()] += d[1] * distance;
-        if let Some(feed) = self.cutting_feed(axes) {
+        if let Some(feed) = self.cutting_feed() {
             let step = self.new_move(MoveKind::Cutting, point, feed);
             self.emit_with_corner(line.corner, |this| {
                 this.operations.push(Operation { span: line.span, kind: OperationKind::Move(step) });

@@ -7,12 +7,14 @@ pub(super) use target::shorter_turn;
 
 use super::execute::Execution;
 use super::spline::is_point;
+use crate::axis::{LEAST_WAY_MM, straight_length, way_of};
 use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{Code, FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
 use crate::state::{InterpreterState, Motion};
 use crate::{
-    ArcGeometry, AxisSet, DialectName, Feed, Finding, Move, MoveKind, Operation, OperationKind, PathControl, Position,
+    ArcGeometry, Axis, AxisSet, DialectName, Feed, Finding, Move, MoveKind, Operation, OperationKind, PathControl,
+    Position,
 };
 
 /// The letters of an arc's centre.
@@ -231,7 +233,7 @@ impl Execution<'_> {
             Motion::Rapid => self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
             Motion::Linear => {
                 if self.is_move(end)
-                    && let Some(feed) = self.cutting_feed(axes)
+                    && let Some(feed) = self.cutting_feed()
                 {
                     let plain = self.table.dialect.plain_corners && self.block.letters & PLAIN_CORNER_LETTERS != 0;
                     self.emit_cut(axes, end, None, feed, self.block.has_comma_words() || plain);
@@ -239,7 +241,7 @@ impl Execution<'_> {
             }
             Motion::Arc { clockwise } => {
                 if let Some(arc) = self.arc(clockwise, end)
-                    && let Some(feed) = self.cutting_feed(axes)
+                    && let Some(feed) = self.cutting_feed()
                 {
                     self.emit_cut(axes, end, Some(arc), feed, self.block.has_comma_words());
                 }
@@ -247,7 +249,7 @@ impl Execution<'_> {
             Motion::Cubic | Motion::Quadratic => {
                 let cubic = self.state.motion == Motion::Cubic;
                 if let Some(spline) = self.spline(cubic, axes, end)
-                    && let Some(feed) = self.cutting_feed(axes)
+                    && let Some(feed) = self.cutting_feed()
                     && !is_point(&spline)
                 {
                     let mut step = self.new_move(MoveKind::Cutting, *end, feed);
@@ -367,9 +369,9 @@ impl Execution<'_> {
         true
     }
 
-    /// The feed of a cutting move over these axis words; `None` after a finding, now or before.
+    /// The feed of a cutting move; `None` after a finding, now or before.
     #[inline]
-    pub(super) fn cutting_feed(&mut self, axes: u32) -> Option<Feed> {
+    pub(super) fn cutting_feed(&mut self) -> Option<Feed> {
         let feed = self.state.feed;
         if self.state.feed_unit == FeedUnit::InverseTime && self.block.word(b'F').is_none() {
             self.feed_missing("inverse time needs a feed in every cutting block");
@@ -385,10 +387,6 @@ impl Execution<'_> {
         if self.state.unread & JUDGED_BY != 0 {
             return None;
         }
-        let rotary = |place: usize| matches!(self.table.dialect.letters[place], Letter::Axis(axis) if axis.is_rotary());
-        // Degrees are the same in inches.
-        let rotary_only = self.state.feed != self.state.feed_as_written && axes != 0 && set_bits(axes).all(rotary);
-        let feed = if rotary_only { self.state.feed_as_written } else { feed };
         match self.state.feed_unit {
             FeedUnit::PerMinute => Some(Feed::PerMinute(feed)),
             FeedUnit::InverseTime => Some(Feed::InverseTime(feed)),
@@ -456,6 +454,11 @@ impl Execution<'_> {
             return self.emit_transformed(kind, end, arc, feed);
         }
         let (span, path_control, state) = (self.block.span(), self.path_control(), &*self.state);
+        let feed = if kind == MoveKind::Cutting && arc.is_none() && end[3..] != state.position[3..] {
+            self.feed_of_straight(&state.position, end, feed)
+        } else {
+            feed
+        };
         let step = || programmed_move(state, path_control, kind, end, arc, feed);
         // In place, where a push would make the operation first and copy it then.
         self.operations.extend(core::iter::once_with(|| Operation { span, kind: OperationKind::Move(step()) }));
@@ -465,8 +468,55 @@ impl Execution<'_> {
     #[cold]
     fn emit_transformed(&mut self, kind: MoveKind, end: &Position, arc: Option<ArcGeometry>, feed: Feed) {
         let arc = arc.map(|arc| self.state.coords.transform.as_ref().map_or(arc, |transform| transform.arc(&arc)));
-        let step = Move { arc, ..self.new_move(kind, *end, feed) };
+        let mut step = Move { arc, ..self.new_move(kind, *end, feed) };
+        if kind == MoveKind::Cutting && arc.is_none() {
+            step.feed = self.feed_of_straight(&step.start, &step.end, feed);
+        }
         self.emit(self.block.span(), OperationKind::Move(step));
+    }
+
+    /// The feed along the path of a straight cut, which [`straight_length`] measures, where other axes than X, Y and Z may move.
+    ///
+    /// LinuxCNC leads X, Y and Z at F, or U, V and W where these rest. FANUC controls lead all axes at it, a degree counted as a
+    /// millimetre or, in inches, an inch (B-63324EN, section 4.3): the time is √(x² + … + c²)/F. Degrees of rotary axes that turn alone
+    /// are the same in inches.
+    #[cold]
+    fn feed_of_straight(&self, start: &Position, end: &Position, feed: Feed) -> Feed {
+        let length = straight_length(start, end);
+        let linear = way_of(start, end, |axis| !axis.is_rotary());
+        if length != linear {
+            return self.feed_in_degrees(feed);
+        }
+        let led = if self.table.dialect.is_linuxcnc {
+            match way_of(start, end, |axis| matches!(axis, Axis::X | Axis::Y | Axis::Z)) {
+                rest if rest <= LEAST_WAY_MM => length,
+                led => led,
+            }
+        } else {
+            let degrees = way_of(start, end, Axis::is_rotary) * (self.state.feed / self.state.feed_as_written);
+            (linear * linear + degrees * degrees).sqrt()
+        };
+        match feed {
+            Feed::PerMinute(feed) => Feed::PerMinute(feed * (length / led)),
+            Feed::PerRevolution(feed) => Feed::PerRevolution(feed * (length / led)),
+            Feed::InverseTime(_) => feed,
+        }
+    }
+
+    const fn feed_in_degrees(&self, feed: Feed) -> Feed {
+        match feed {
+            Feed::PerMinute(_) => Feed::PerMinute(self.state.feed_as_written),
+            Feed::PerRevolution(_) => Feed::PerRevolution(self.state.feed_as_written),
+            Feed::InverseTime(_) => feed,
+        }
+    }
+
+    /// Where the tip of a guided tool rests while the tool turns, F is degrees.
+    pub(super) fn feed_of_guided(&self, step: &Move) -> Feed {
+        let is_turn = step.kind == MoveKind::Cutting
+            && (step.arc.is_none() && step.spline.is_none())
+            && way_of(&step.start, &step.end, |axis| !axis.is_rotary()) <= LEAST_WAY_MM;
+        if is_turn { self.feed_in_degrees(step.feed) } else { step.feed }
     }
 
     /// A straight move to `end` under the present modal states.

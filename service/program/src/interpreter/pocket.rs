@@ -57,7 +57,7 @@ impl Execution<'_> {
         let axes = [Axis::X, Axis::Y, Axis::Z].map(|axis| self.letters_of(axis) & self.block.letters);
         let mark = self.findings.mark();
         let circles = if self.is_pocket_refused(clockwise, span) { None } else { self.circles(clockwise, span) };
-        let feed = circles.and_then(|_| self.cutting_feed(0));
+        let feed = circles.and_then(|_| self.cutting_feed());
         let start = self.state.position;
         let end = self.target(axes.iter().fold(0, |letters, of_axis| letters | of_axis), Frame::Work);
         self.used |= WORDS;

@@ -48,7 +48,7 @@ impl Execution<'_> {
         };
         if let Some(message) = refusal {
             self.probe_error(span, message);
-        } else if let Some(feed) = self.cutting_feed(axes)
+        } else if let Some(feed) = self.cutting_feed()
             && end != self.state.position
         {
             self.findings.push_with(code::PROBE_UNKNOWN, |code| {

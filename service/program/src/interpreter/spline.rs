@@ -103,7 +103,7 @@ impl Execution<'_> {
                 points: vec![in_plane(self.state.plane, &self.state.position)],
                 weights: vec![1.0],
                 end: self.state.position,
-                feed: self.cutting_feed(0),
+                feed: self.cutting_feed(),
                 path_control: self.path_control(),
                 broken: false,
             }),

@@ -254,7 +254,7 @@ impl Execution<'_> {
         let mode = self.state.tool_control.mode;
         Some(match motion {
             Motion::Rapid => (MoveKind::Rapid, GuidedPath::Straight, Some(Feed::PerMinute(0.0))),
-            Motion::Linear => (MoveKind::Cutting, GuidedPath::Straight, self.cutting_feed(axes)),
+            Motion::Linear => (MoveKind::Cutting, GuidedPath::Straight, self.cutting_feed()),
             Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic if is_held_curve => {
                 self.used |= CURVE_LETTERS;
                 self.held_start(self.block.span());
@@ -262,7 +262,7 @@ impl Execution<'_> {
             }
             Motion::Arc { clockwise } => {
                 let path = self.guided_arc(clockwise, end).map(GuidedPath::Arc);
-                let feed = path.as_ref().and_then(|_| self.cutting_feed(axes));
+                let feed = path.as_ref().and_then(|_| self.cutting_feed());
                 (MoveKind::Cutting, path.unwrap_or(GuidedPath::Straight), feed)
             }
             Motion::Cubic | Motion::Quadratic if mode == ToolMode::Vectors => {
@@ -274,7 +274,7 @@ impl Execution<'_> {
                 // Under G43.4 the rotary axes turn evenly along the curve.
                 let own = if mode == ToolMode::Angles { axes & !ROTARY_LETTERS } else { axes };
                 let spline = self.spline(motion == Motion::Cubic, own, end).filter(|spline| !is_point(spline));
-                let feed = spline.as_ref().and_then(|_| self.cutting_feed(axes));
+                let feed = spline.as_ref().and_then(|_| self.cutting_feed());
                 (MoveKind::Cutting, spline.map_or(GuidedPath::Straight, GuidedPath::Spline), feed)
             }
             Motion::None => {
@@ -366,6 +366,7 @@ impl Execution<'_> {
             GuidedPath::Arc(arc) => step.arc = Some(arc),
             GuidedPath::Spline(spline) => step.spline = Some(spline),
         }
+        step.feed = self.feed_of_guided(&step);
         let guided = self.guided_step(guide, step);
         self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
     }

@@ -31,10 +31,10 @@ impl Execution<'_> {
             if cycle == Cycle::BoreStop && self.is_linuxcnc() {
                 self.check_spindle(cycle)?;
             }
-            return self.cutting_feed(0).map(Drive::Feed);
+            return self.cutting_feed().map(Drive::Feed);
         }
         if !self.taps_rigidly() {
-            let feed = self.cutting_feed(0);
+            let feed = self.cutting_feed();
             self.check_spindle(cycle)?;
             return feed.map(Drive::Feed);
         }
@@ -58,7 +58,7 @@ impl Execution<'_> {
         }
         if feed <= 0.0 || self.state.unread & JUDGED_BY != 0 {
             // Reports a missing feed.
-            self.cutting_feed(0);
+            self.cutting_feed();
             return None;
         }
         let lead_mm = if self.state.feed_unit == FeedUnit::PerMinute { feed / speed } else { feed };

@@ -70,7 +70,7 @@ fn inches() {
         &mill(),
         "G20\nG1 X1. F10.\nG91 Y-.5 A90\nG21 X1.6",
         "line 0 -> X25.4 @254/min
-         line X25.4 -> X25.4 Y-12.7 A90 @254/min
+         line X25.4 -> X25.4 Y-12.7 A90 @1.411089/min
          line X25.4 Y-12.7 A90 -> X27 Y-12.7 A90 @254/min",
     );
     // Degrees per minute are no inches.

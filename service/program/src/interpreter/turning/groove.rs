@@ -105,7 +105,7 @@ impl Execution<'_> {
         if self.is_cycle_on_contour("a grooving cycle") {
             return None;
         }
-        let feed = self.cutting_feed(0);
+        let feed = self.cutting_feed();
         let (along_x, along_z, relief, feed) = (along_x?, along_z?, relief?, feed?);
         let deep = usize::from(along == Axis::Z);
         let pecks = [along_x, along_z];

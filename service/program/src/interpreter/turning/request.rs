@@ -104,7 +104,7 @@ impl Execution<'_> {
             return;
         }
         let needs_feed = job != Some(Job::Finish);
-        let feed = if needs_feed { self.cutting_feed(0) } else { None };
+        let feed = if needs_feed { self.cutting_feed() } else { None };
         let [tool_x, tool_z] = self.tool_place();
         let tool = [tool_z, tool_x];
         let is_broken = job.is_none() || needs_feed && feed.is_none();

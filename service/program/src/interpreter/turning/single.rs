@@ -77,7 +77,7 @@ impl Execution<'_> {
         if self.is_cycle_on_contour("a turning cycle") {
             return;
         }
-        let feed = self.cutting_feed(axes);
+        let feed = self.cutting_feed();
         if let (Some(_), Some(feed)) = (taper, feed) {
             self.single_pass(cycle, feed);
         }

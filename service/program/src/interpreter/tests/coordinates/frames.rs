@@ -191,32 +191,47 @@ fn axes_that_roll_over_go_the_shorter_way() {
     assert_eq!(angles(&settings, "G91 G0 C3775\nG28 C0\nC0\nG28 C0"), [3775.0, 3960.0]);
 }
 
+/// Feeds of the moves of a program, and whether they are per revolution.
+fn feeds(settings: &LanguageSettings, program: &str) -> Vec<(f64, bool)> {
+    let run = run_with(settings, &[], program);
+    let feeds = run.operations.iter().filter_map(|operation| match &operation.kind {
+        OperationKind::Move(step) => Some(step.feed),
+        _ => None,
+    });
+    feeds
+        .map(|feed| match feed {
+            Feed::PerMinute(feed) | Feed::InverseTime(feed) => (feed, false),
+            Feed::PerRevolution(feed) => (feed, true),
+        })
+        .collect()
+}
+
 #[test]
 fn degrees_of_a_feed_are_the_same_in_inches() {
-    for (program, feeds) in [
-        ("G20 M3 S1200\nG95 G1 C180 F.05\nX1 C0\nG94 C90 F60\nX2", "rev .05 rev 1.27 min 60 min 1524"),
-        ("G21 M3 S1200\nG95 G1 C180 F.05\nX1 C0\nG94 C90 F60", "rev .05 rev .05 min 60"),
-    ] {
-        for settings in [mill(), linuxcnc()] {
-            let run = run_with(&settings, &[], program);
-            let found: Vec<_> = run
-                .operations
-                .iter()
-                .filter_map(|operation| match &operation.kind {
-                    OperationKind::Move(step) => Some(step.feed),
-                    _ => None,
-                })
-                .collect();
-            let wanted: Vec<_> = feeds
-                .split(' ')
-                .collect::<Vec<_>>()
-                .chunks(2)
-                .map(|feed| (feed[0] == "rev", feed[1].parse::<f64>().unwrap()))
-                .map(|(per_rev, feed)| if per_rev { Feed::PerRevolution(feed) } else { Feed::PerMinute(feed) })
-                .collect();
-            assert_eq!(found, wanted, "{program}");
-        }
+    let program = "G20 M3 S1200\nG95 G1 C180 F.05\nG94 C90 F60\nX0 C0\nX1.1\nG91 X.1\nG90 X1.2 C90";
+    for settings in [mill(), linuxcnc()] {
+        // X0 is a word and no way, X1.2 the rounding of one.
+        let [turns, ways] = [(60.0, false), (1_524.0, false)];
+        assert_eq!(feeds(&settings, program), [(0.05, true), turns, turns, ways, ways, turns]);
+        assert_eq!(feeds(&settings, &program.replace("G20", "G21"))[0], (0.05, true));
     }
+}
+
+#[test]
+fn fanuc_leads_linear_and_rotary_axes_at_one_feed() {
+    // B-63324EN, section 4.3: 20 mm and 40 degrees at F300 take 0.14907 min.
+    let program = "G91 G1 X20. C40. F300.\nX3. Y4.\nG93 X1. C1. F2.";
+    let share = 20.0 / 2_000.0_f64.sqrt();
+    let found = feeds(&mill(), program);
+    assert!((found[0].0 - 300.0 * share).abs() < 1e-9 && (20.0 / found[0].0 - 0.149_07).abs() < 1e-5, "{found:?}");
+    assert_eq!(found[1..], [(300.0, false), (2.0, false)]);
+    assert_eq!(feeds(&linuxcnc(), program), [(300.0, false), (300.0, false), (2.0, false)]);
+    // LinuxCNC leads X, Y and Z, or U, V and W.
+    let [led, other] = feeds(&linuxcnc(), "G91 G1 X3 U4 C90 F60\nU4 C90")[..] else { panic!() };
+    assert_eq!((led, other), ((100.0, false), (60.0, false)));
+    // A degree counts as an inch.
+    let found = feeds(&mill(), "G20 G91 G1 X3. C4. F10.");
+    assert!((found[0].0 - 254.0 * 0.6).abs() < 1e-9, "{found:?}");
 }
 
 #[test]
