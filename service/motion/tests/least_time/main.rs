@@ -249,10 +249,10 @@ fn a_straight_move_keeps_its_seven_phases() {
     assert_eq!(course_share(&plan(program, PathControl::ExactStop, &machine, (settings, CornerSpeed::Changing))), 0.0);
 }
 
-/// Speeds every fifth of a millisecond at this feed, mm/min, by the commanded one.
-fn shares_of_feed(program: &common::Program, feed: f64) -> Vec<f64> {
+/// The motions of a program at this feed, mm/min, on the generic mill.
+fn at_feed(program: &common::Program, feed: f64, settings: impl Fn(&Machine) -> PlannerSettings) -> Vec<PlannedMotion> {
     let machine = Machine::mill();
-    let mut planner = Planner::<()>::new(PlannerSettings::new(&machine, 5_000, PERIOD_S).for_least_time(&machine));
+    let mut planner = Planner::<()>::new(settings(&machine));
     for Smoothed { element, rest_at_end, .. } in smoothed(program, within(0.05), CornerSpeed::Changing) {
         let pieces = limit_pieces(&element, &machine, PathMotion::ZERO, feed / 30.0).expect("nothing else moves");
         let stretches = stretches(&element, Feed::PerMinute(feed), &Spindle::STOPPED, &machine, &pieces);
@@ -261,8 +261,21 @@ fn shares_of_feed(program: &common::Program, feed: f64) -> Vec<f64> {
         planner.push_motion(request);
     }
     planner.finish();
+    let motion = |item| match item {
+        Planned::Motion(motion) => motion,
+        Planned::Barrier(()) => unreachable!("none was pushed"),
+    };
+    std::iter::from_fn(|| planner.pop()).map(motion).collect()
+}
+
+fn for_least_time(machine: &Machine) -> PlannerSettings {
+    PlannerSettings::new(machine, 5_000, PERIOD_S).for_least_time(machine)
+}
+
+/// Speeds every fifth of a millisecond at this feed, mm/min, by the commanded one.
+fn shares_of_feed(program: &common::Program, feed: f64) -> Vec<f64> {
     let mut shares = Vec::new();
-    while let Some(Planned::Motion(motion)) = planner.pop() {
+    for motion in at_feed(program, feed, for_least_time) {
         for stretch in &motion.stretches {
             let count = (stretch.profile.duration() / 2e-4).ceil() as usize;
             let time_s = |k: usize| stretch.profile.duration() * (k as f64 + 0.5) / count as f64;
@@ -282,4 +295,22 @@ fn the_commanded_speed_is_never_exceeded_and_hardly_ever_just_missed() {
         let missed = shares.iter().filter(|&&share| share < 1.0 - 1e-9 && share > 1.0 - 1e-4).count();
         assert!(missed * 150 <= shares.len(), "{}: {missed} of {}", program.name, shares.len());
     }
+}
+
+#[test]
+fn a_long_cruise_at_the_commanded_feed_is_not_planned_anew() {
+    let circle = common::one_circle();
+    let fast = at_feed(&circle, 800.0, |machine| PlannerSettings::new(machine, 5_000, PERIOD_S));
+    let least = at_feed(&circle, 800.0, for_least_time);
+    let [motion] = &least[..] else { panic!("{} motions", least.len()) };
+    let kinds: Vec<_> = motion.stretches.iter().map(|stretch| stretch.profile.phases().is_some()).collect();
+    assert_eq!(kinds, [false, true, false], "courses before and behind it");
+    let shares: Vec<f64> = motion.stretches.iter().map(|own| own.profile.duration() / seconds(&least)).collect();
+    assert!(shares[1] > 0.98, "{shares:?}");
+    assert!(seconds(&least) < seconds(&fast), "{} {}", seconds(&least), seconds(&fast));
+    // Asked for again it is whole.
+    assert_eq!(motion.request().stretches, fast[0].request().stretches);
+    // Where the axes are the limit nothing is left out.
+    let [motion] = &at_feed(&circle, 60_000.0, for_least_time)[..] else { panic!() };
+    assert_eq!(motion.stretches.len(), 1);
 }
