@@ -111,8 +111,9 @@ impl Server {
         health.set_service_status(services::LIVENESS, ServingStatus::Serving).await;
         let (readiness, probes) = readiness::follow(store.clone(), health.clone(), metrics.clone(), draining.clone());
         engine.spawn(probes);
-        let rules = config.retention.clone();
-        engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, api.floors.clone(), draining.clone()));
+        let (rules, expiry) = (config.retention.clone(), Duration::from_secs(config.limits.upload_expiry_s));
+        let floors = api.floors.clone();
+        engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, expiry, floors, draining.clone()));
         let certificates = Certificates::load(&config, metrics.clone())?;
         let tenants = certificates.access.look_for_tenants(&store).await;
         tenants.map_err(|error| StartError::Setup(error.to_string()))?;

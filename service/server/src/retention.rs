@@ -1,4 +1,5 @@
-//! Removes what is kept no longer, now and every hour: unfinished uploads, and what the configuration says.
+//! Removes what is kept no longer, now and every hour: unfinished uploads, and what the configuration says. What was removed in any way
+//! is given back to the file system.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,15 +30,17 @@ impl RetentionConfig {
     }
 }
 
-/// Goes round until `draining`.
+/// Goes round until `draining`, as often as uploads expire where that is sooner.
 pub(crate) async fn follow(
     store: Store,
     metrics: Arc<Metrics>,
     config: RetentionConfig,
+    upload_expiry: Duration,
     floors: Floors,
     draining: CancellationToken,
 ) {
     let policy = config.policy();
+    let period = PERIOD.min(upload_expiry);
     loop {
         tokio::select! {
             result = round(&store, &metrics, &policy, config.dry_run, &floors) => {
@@ -48,7 +51,7 @@ pub(crate) async fn follow(
             () = draining.cancelled() => return,
         }
         tokio::select! {
-            () = tokio::time::sleep(PERIOD) => {}
+            () = tokio::time::sleep(period) => {}
             () = draining.cancelled() => return,
         }
     }
@@ -63,6 +66,8 @@ async fn round(
 ) -> Result<()> {
     store.expire_uploads().await?;
     if *policy == RetentionPolicy::default() {
+        // Nothing is too old, but clients delete as well.
+        store.remove_expired(policy).await?;
         return Ok(());
     }
     let expired = store.expired(policy).await?;
@@ -96,4 +101,38 @@ async fn round(
 fn by_kind(removed: Removed) -> [(&'static str, u64); 5] {
     let Removed { jobs, runs, programs, events, audit } = removed;
     [("jobs", jobs), ("runs", runs), ("programs", programs), ("events", events), ("audit", audit)]
+}
+
+#[cfg(test)]
+mod tests {
+    use bytes::Bytes;
+    use feedwave_store::{StoreSettings, Tenant};
+
+    use super::*;
+
+    #[tokio::test]
+    async fn what_clients_delete_is_given_back_without_any_policy() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let path = folder.path().join("feedwave.db");
+        let open = || async {
+            let uri = format!("sqlite://{}", path.display());
+            Store::open(&uri.parse().unwrap(), StoreSettings::default()).await.unwrap()
+        };
+        let size = || std::fs::metadata(&path).unwrap().len();
+        // Bytes that do not compress.
+        let mut state = 1_u32;
+        let noise = std::iter::repeat_with(|| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        });
+        let store = open().await;
+        let program = store.put_program(Tenant::DEFAULT, noise.take(1 << 20).collect::<Bytes>()).await.unwrap();
+        store.close().await;
+        let full = size();
+        let store = open().await;
+        store.delete_program(program.id).await.unwrap();
+        round(&store, &Metrics::new(), &RetentionPolicy::default(), false, &Floors::default()).await.unwrap();
+        store.close().await;
+        assert!(size() + (1 << 19) < full, "{} of {full}", size());
+    }
 }

@@ -136,12 +136,13 @@ impl Provider {
         }
     }
 
-    /// Asks for the keys again and again.
+    /// Asks for the keys again and again, each time so long after they were asked for last, by whomever.
     pub(super) async fn follow(&self) {
         let period = Duration::from_secs(self.config.refresh_s);
         loop {
             self.refresh(Duration::from_secs(self.config.least_refresh_s)).await;
-            tokio::time::sleep(period).await;
+            let since = self.asked.lock().await.map_or(Duration::ZERO, |asked| asked.elapsed());
+            tokio::time::sleep(period.saturating_sub(since)).await;
         }
     }
 
