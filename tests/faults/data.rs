@@ -263,6 +263,11 @@ async fn a_damaged_job_is_marked_and_lists_are_whole() {
     assert_eq!((listed.len(), &listed[0].name, &listed[0].summary), (2, &other, &None));
     let status = read_all(&mut clients, from(&other, 0)).await.unwrap_err();
     assert_eq!(status.code(), Code::DataLoss, "{status:?}");
+    let home = damaged(server, "DELETE FROM validation_reports").await;
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let status = read_all(&mut clients, from(&other, 0)).await.unwrap_err();
+    assert_eq!(status.code(), Code::DataLoss, "a job that is ready had a report: {status:?}");
     for name in [job, other] {
         clients.jobs.delete_job(DeleteJobRequest { name, ..DeleteJobRequest::default() }).await.expect("it is deleted");
     }

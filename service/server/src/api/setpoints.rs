@@ -46,7 +46,10 @@ fn check(request: &StreamSetpointsRequest, detail: &JobDetail) -> Result<Checked
 fn plan_summary(detail: &JobDetail) -> Result<ProgramSummary> {
     match &detail.job.summary {
         Some(summary) => stored::from_stored(summary.get()),
-        None if detail.job.findings.is_some() => Err(Error::Damaged("the summary of its report cannot be read".into())),
+        // Both are written with the state.
+        None if detail.job.findings.is_some() || detail.job.state == JobState::Ready => {
+            Err(Error::Damaged("the summary of its report cannot be read".into()))
+        }
         None => {
             let subject = names::job(detail.job.id);
             let message = format!("{subject} is {} and has no plan", detail.job.state);
