@@ -300,3 +300,22 @@ async fn without_descriptors_connections_wait_and_are_served_later() {
     assert!(ask(&mut waiting, "/healthz").await.starts_with("HTTP/1.1 200"));
     assert!(server.log().contains("connections cannot be accepted"), "{}", server.log());
 }
+
+#[tokio::test]
+async fn connections_leave_the_store_its_descriptors() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let limited = folder.path().join("limited");
+    std::fs::write(&limited, format!("#!/bin/sh\nulimit -n 200\nexec '{FEEDWAVE}' \"$@\"\n")).unwrap();
+    std::fs::set_permissions(&limited, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let server = Server::start(&limited).await;
+    let mut clients = server.connect().await;
+    let mut silent = Vec::new();
+    for port in [server.grpc, server.http].repeat(150) {
+        silent.extend(TcpStream::connect(port).await.ok());
+    }
+    assert!(silent.len() > 250, "the system has taken them");
+    for _ in 0..32 {
+        clients.create("M30\n").await.expect("the store has descriptors");
+    }
+    assert!(server.log().contains("connections.total is more than there are descriptors for"), "{}", server.log());
+}

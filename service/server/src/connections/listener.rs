@@ -32,8 +32,6 @@ use crate::lingering::Lingering;
 /// What answers the requests of a port.
 pub(crate) type App = BoxCloneSyncService<Request<Body>, Response<Body>, Infallible>;
 
-/// Connections that are told at the same time why they are not served; any further one is closed without a word.
-const REFUSED_AT_ONCE: usize = 64;
 /// How long being told may take.
 const REFUSAL_TIME: Duration = Duration::from_secs(5);
 /// How long a connection that is closed may take to end what it is sending.
@@ -51,6 +49,8 @@ pub(crate) struct Port {
     pub(crate) app: App,
     pub(crate) tls: Option<Arc<Tls>>,
     pub(crate) clients: Arc<Clients>,
+    /// Places for connections that are told why they are not served, of all ports; any further one is closed without a word.
+    pub(crate) refusals: Arc<Semaphore>,
     /// Streams that one connection of HTTP/2 may have open.
     pub(crate) streams_per_connection: u32,
     /// How long a client may take to read the rest of a connection that is closed.
@@ -93,7 +93,7 @@ impl Port {
             tls: self.tls,
             clients: self.clients,
             builder,
-            refusals: Arc::new(Semaphore::new(REFUSED_AT_ONCE)),
+            refusals: self.refusals,
             linger: self.linger,
             closing: closing.clone(),
             killed,

@@ -8,6 +8,7 @@ use feedwave_contract::convert::timestamp;
 use http::{Request, Response, StatusCode, header};
 use jiff::Timestamp;
 use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tonic_health::server::HealthReporter;
@@ -124,13 +125,16 @@ impl Listeners {
         onlookers: &Onlookers,
         draining: CancellationToken,
     ) -> Ports {
-        let clients = Clients::new(bounded_by_descriptors(config), metrics.connections.clone());
+        let (limits, refused) = bounded_by_descriptors(config);
+        let clients = Clients::new(limits, metrics.connections.clone());
+        let refusals = Arc::new(Semaphore::new(refused));
         let port = |name, listener, app, tls: Option<&Arc<Tls>>| Port {
             name,
             listener,
             app,
             tls: tls.cloned(),
             clients: clients.clone(),
+            refusals: refusals.clone(),
             streams_per_connection: config.limits.streams_per_connection,
             // A client that still reads when its connection is closed has the time that open calls have.
             linger: config.limits.drain(),
@@ -159,20 +163,46 @@ async fn listen(key: &'static str, address: SocketAddr) -> Result<(TcpListener, 
     Ok((listener, bound))
 }
 
-/// The bounds on connections, with no more of them than the process may have descriptors: the store and files need some
-/// as well.
-fn bounded_by_descriptors(config: &Config) -> ConnectionLimits {
-    const OTHER_DESCRIPTORS: usize = 64;
-    let mut limits = config.connections.clone();
-    let descriptors = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
-    if let Some(descriptors) = descriptors.and_then(|descriptors| usize::try_from(descriptors).ok()) {
-        let most = descriptors.saturating_sub(OTHER_DESCRIPTORS).max(1);
-        if limits.total > most {
-            tracing::warn!(descriptors, connections = most, "connections.total is more than there are descriptors for");
-            limits.total = most;
-        }
+/// What descriptors are for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Descriptors {
+    /// Connections that are served.
+    served: usize,
+    /// Connections that are told why they are not.
+    refused: usize,
+}
+
+impl Descriptors {
+    /// The store's readers, its writer and its log, three files each, the runtimes, files that are read anew, connections to others, and
+    /// sockets that were accepted and not looked at yet.
+    const OTHERS: usize = 96;
+    /// More need not be told at the same time.
+    const MOST_REFUSED: usize = 64;
+
+    /// Shares as many among them as the process may have.
+    fn of(most: usize) -> Self {
+        let others = Self::OTHERS.min(most / 2);
+        let refused = Self::MOST_REFUSED.min(most / 8);
+        Self { served: most.saturating_sub(others + refused).max(1), refused: refused.max(1) }
     }
-    limits
+}
+
+/// The bounds on connections, with no more of them than the process may have descriptors, and how many may be told at the same time that
+/// there is no place.
+fn bounded_by_descriptors(config: &Config) -> (ConnectionLimits, usize) {
+    let mut limits = config.connections.clone();
+    let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    let most = most.and_then(|most| usize::try_from(most).ok()).unwrap_or(usize::MAX);
+    let Descriptors { served, refused } = Descriptors::of(most);
+    if limits.total > served {
+        tracing::warn!(
+            descriptors = most,
+            connections = served,
+            "connections.total is more than there are descriptors for"
+        );
+        limits.total = served;
+    }
+    (limits, refused)
 }
 
 /// An answer to a browser that asks what it may ask has nothing in it, and says so: no other one names methods.
@@ -261,5 +291,21 @@ struct NewRequestId;
 impl MakeRequestId for NewRequestId {
     fn make_request_id<B>(&mut self, _request: &Request<B>) -> Option<RequestId> {
         Uuid::now_v7().to_string().parse().ok().map(RequestId::new)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Descriptors;
+
+    #[test]
+    fn descriptors_are_left_for_the_store() {
+        assert_eq!(Descriptors::of(1_024), Descriptors { served: 864, refused: 64 });
+        assert_eq!(Descriptors::of(200), Descriptors { served: 79, refused: 25 });
+        for most in 0..4_096 {
+            let Descriptors { served, refused } = Descriptors::of(most);
+            assert!(served >= 1 && refused >= 1, "{most}");
+            assert!(most < 4 || served + refused + Descriptors::OTHERS.min(most / 2) <= most.max(2) + 1, "{most}");
+        }
     }
 }
