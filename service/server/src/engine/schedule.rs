@@ -60,7 +60,7 @@ struct Client<T> {
     /// Those begun, between two turns.
     resting: VecDeque<(T, bool)>,
     /// Those that were longer than a turn while no more could be begun: they wait for a place.
-    set_aside: VecDeque<(T, bool)>,
+    set_aside: VecDeque<(Waiting<T>, bool)>,
     /// Begun validations, running or resting.
     begun: usize,
     running: usize,
@@ -164,10 +164,10 @@ impl<T> Schedule<T> {
         client.resting.push_back((what, suspect));
     }
 
-    /// Puts in a validation that gave up what it had done, since it found no place among those begun.
-    pub(super) fn set_aside(&mut self, client: &str, suspect: bool, what: T) {
+    /// Puts in a validation that gave up what it had done, since it found no place among those begun: of a stored job, or of a request.
+    pub(super) fn set_aside(&mut self, client: &str, job: Option<Uuid>, suspect: bool, what: T) {
         let client = self.client(client);
-        client.set_aside.push_back((what, suspect));
+        client.set_aside.push_back((Waiting { what, job }, suspect));
     }
 
     /// Whether a validation that had its first turn may keep what it has done; if so it holds a place from now on.
@@ -212,11 +212,11 @@ impl<T> Schedule<T> {
             }
             // A place that is free is taken before those who have one go on.
             _ if may_begin(client) => {
-                let (what, suspect) = client.set_aside.pop_front()?;
+                let (waiting, suspect) = client.set_aside.pop_front()?;
                 client.begun += 1;
                 self.begun += 1;
                 self.suspects += usize::from(suspect);
-                (what, suspect)
+                (waiting.what, suspect)
             }
             _ => client.resting.pop_front()?,
         };
@@ -297,10 +297,10 @@ impl<T> Schedule<T> {
         self.begun
     }
 
-    /// About how many validations have their first turn up to that of each of these jobs, itself included; jobs that do not
-    /// wait for it are left out.
+    /// About how many validations begin up to each of these jobs, itself included: have their first turn, or find a place after they were
+    /// set aside. Jobs that do not wait for it are left out.
     pub(super) fn places(&self, jobs: &[Uuid]) -> HashMap<Uuid, u64> {
-        let mut found = HashMap::new();
+        let mut found = self.places_aside(jobs);
         for id in jobs {
             let Some((name, key, _)) = self.places.get(id) else { continue };
             let before = |client: &Client<T>| client.fresh.range(..key).count() + client.suspects.range(..key).count();
@@ -310,6 +310,20 @@ impl<T> Schedule<T> {
                 (client.fresh.len() + client.suspects.len()).min(own)
             });
             found.insert(*id, 1 + own as u64 + of_others.sum::<usize>() as u64);
+        }
+        found
+    }
+
+    /// The same among those set aside.
+    fn places_aside(&self, jobs: &[Uuid]) -> HashMap<Uuid, u64> {
+        let mut found = HashMap::new();
+        for (name, client) in self.clients.iter().filter(|(_, client)| !client.set_aside.is_empty()) {
+            for (own, (waiting, _)) in client.set_aside.iter().enumerate() {
+                let Some(id) = waiting.job.filter(|id| jobs.contains(id)) else { continue };
+                let of_others = self.clients.iter().filter(|(other, _)| *other != name);
+                let of_others: usize = of_others.map(|(_, client)| client.set_aside.len().min(own)).sum();
+                found.insert(id, 1 + own as u64 + of_others as u64);
+            }
         }
         found
     }

@@ -143,9 +143,9 @@ impl Turns {
 
     /// Lets a job wait again that was set aside so often.
     pub(super) fn set_aside(&self, job: WaitingJob, times: u32) {
-        let (client, suspect) = (job.client.clone(), job.attempts > 0);
+        let (id, client, suspect) = (job.id, job.client.clone(), job.attempts > 0);
         self.inner.metrics.validations_set_aside.inc();
-        self.state().schedule.set_aside(&client, suspect, Waiter::Job(job, times));
+        self.state().schedule.set_aside(&client, Some(id), suspect, Waiter::Job(job, times));
         self.dispatch();
     }
 
@@ -155,7 +155,7 @@ impl Turns {
         let waiter = Waiter::Request(sender, times);
         if times > 0 {
             self.inner.metrics.validations_set_aside.inc();
-            self.state().schedule.set_aside(client, false, waiter);
+            self.state().schedule.set_aside(client, None, false, waiter);
         } else {
             self.state().schedule.add(client, program_bytes, None, false, waiter);
         }

@@ -34,7 +34,7 @@ impl Workshop {
         } else {
             // What it had done is lost.
             self.schedule.leave(&client, false, suspect);
-            self.schedule.set_aside(&client, suspect, (name, turns));
+            self.schedule.set_aside(&client, None, suspect, (name, turns));
         }
         true
     }
@@ -131,9 +131,9 @@ fn a_place_is_wanted_by_those_who_could_have_it() {
     schedule.next().unwrap();
     schedule.turn_ended("a");
     assert!(schedule.begin("a") && !schedule.begin("a"), "half of the places are one client's");
-    schedule.set_aside("a", false, 2);
+    schedule.set_aside("a", None, false, 2);
     assert!(schedule.wants_place("a") && !schedule.wants_place("b"));
-    schedule.set_aside("b", false, 3);
+    schedule.set_aside("b", None, false, 3);
     assert!(schedule.wants_place("a") && schedule.wants_place("b"));
     assert_eq!(schedule.next().unwrap().what, 3, "there is a place for another client");
 }
@@ -175,6 +175,12 @@ fn places_tell_how_many_begin_before() {
     }
     assert_eq!(order, [1, 5, 2, 6, 3, 4]);
     assert!(schedule.places(&[id(4)]).is_empty());
+    // Those that were set aside wait for a place.
+    for (client, number) in [("a", 1), ("a", 2), ("b", 5)] {
+        schedule.set_aside(client, Some(id(number)), false, number);
+    }
+    let places = schedule.places(&[id(1), id(2), id(5)]);
+    assert_eq!([1, 2, 5].map(|number| places.get(&id(number)).copied()), [Some(1), Some(3), Some(1)]);
 }
 
 #[test]
