@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod corners;
 mod face;
 mod frames;
 mod random;

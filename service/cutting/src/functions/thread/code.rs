@@ -176,6 +176,14 @@ feedwave_program::finding_codes! {
         example: lathe("M3 S3000\nG0 X14 Z61\nG0 X8\nG32 Z60 F2.5\nG0 X14\nM30"),
     }
 
+    "THREAD-CORNER" [THREAD_CORNER: Warning] {
+        meaning: "the tool passes a corner between two blocks of a thread at a distance",
+        cause: "The blocks of a thread follow each other without a stop. The tool changes its direction as fast as the axes permit, from \
+              before the corner to behind it, and cuts the corner on its inner side. More than 0.01 mm is named.",
+        cure: "Turn slower, or begin and end the thread on one line, outside of the work.",
+        example: lathe("M3 S2000\nG0 X20 Z5\nG32 X40 Z-15 F3\nG32 Z-40 F3\nG0 X62\nM30"),
+    }
+
     "THREAD-START-ANGLE" [THREAD_START_ANGLE: Error] {
         meaning: "the start angle of a pass is outside 0 to 360 degrees",
         cause: "An angle of 360 or more, or a negative one.",

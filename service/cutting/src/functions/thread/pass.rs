@@ -64,6 +64,9 @@ impl ThreadBlock {
     }
 }
 
+/// Deviations at corners of a thread up to this are not named, mm.
+const CORNER_TOLERANCE_MM: f64 = 0.01;
+
 const X: usize = Axis::X.index();
 const Z: usize = Axis::Z.index();
 
@@ -84,11 +87,30 @@ pub(crate) fn axis_limits(machine: &Machine, axis: Axis) -> PathLimits {
 pub(crate) struct PassPath {
     start: [f64; 2],
     parts: Vec<PathPart>,
+    /// The block of each part.
+    spans: Vec<SourceSpan>,
     changes_deg: Vec<f64>,
     rev_per_s: f64,
     /// Its way through a tilted plane.
     frame: Option<Box<PlaneFrame>>,
     axes: Vec<DrivenAxis>,
+}
+
+/// From a corner to the nearest place of the path, X on the radius and Z, mm, where slopes in mm per degree change over an angle around it:
+/// with s from 0 to 1 along the change at L·(slope·(s − ½) + change·s³·(1 − s/2)), see [`super::ThreadPath`].
+fn past_corner([slope, next]: [[f64; 3]; 2], length_deg: f64) -> [f64; 2] {
+    let at = |s: f64| {
+        [0, 1].map(|axis| {
+            length_deg * (slope[axis] * (s - 0.5) + (next[axis] - slope[axis]) * s * s * s * (1.0 - 0.5 * s))
+        })
+    };
+    let apart = |s: f64| libm::hypot(at(s)[0], at(s)[1]);
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..40 {
+        let thirds = [low + (high - low) / 3.0, high - (high - low) / 3.0];
+        if apart(thirds[0]) < apart(thirds[1]) { high = thirds[1] } else { low = thirds[0] }
+    }
+    at(0.5 * (low + high))
 }
 
 impl PassPath {
@@ -105,6 +127,7 @@ impl PassPath {
         }
         let start = [first.mv.start[X], first.mv.start[Z]];
         let mut parts: Vec<PathPart> = Vec::with_capacity(blocks.len() + 1);
+        let mut spans = Vec::with_capacity(blocks.len() + 1);
         let mut from = start;
         for block in blocks {
             let (to, line) = ([block.mv.end[X], block.mv.end[Z]], block.span.line);
@@ -131,12 +154,13 @@ impl PassPath {
                 }
                 None => parts.push(PathPart::new(from, [block.end()[X], to[1]], block.mv.lead_mm, line)),
             }
+            spans.resize(parts.len(), block.span);
             from = to;
         }
         let frame = first.frame.as_ref().zip(blocks.last().and_then(|last| last.frame.as_ref()));
         let frame = frame.map(|(first, last)| Box::new(first.to_end_of(last)));
         let axes = driven_axes(frame.as_deref(), machine);
-        let mut path = Self { start, parts, changes_deg: Vec::new(), rev_per_s, frame, axes };
+        let mut path = Self { start, parts, spans, changes_deg: Vec::new(), rev_per_s, frame, axes };
         if path.parts.iter().any(|part| !(part.angle_deg > 0.0 && part.angle_deg <= 1e9)) {
             let message = "the thread has no travel, or no lead";
             let finding = Finding::new(code::THREAD_TRAVEL, first.span, message);
@@ -228,6 +252,50 @@ impl PassPath {
             return false;
         }
         true
+    }
+
+    /// Names corners between the blocks of a thread that the tool passes at a distance, as it changes its direction without a stop.
+    pub(crate) fn check_corners(&self, findings: &mut FindingLog) {
+        let starts = core::iter::once(self.start).chain(self.parts.iter().map(|part| part.end));
+        let slopes: Vec<_> = starts.zip(&self.parts).map(|(start, part)| part.slope(start)).collect();
+        for (index, pair) in slopes.windows(2).enumerate() {
+            let (span, corner) = (self.spans[index + 1], self.parts[index].end);
+            // Where it is pulled out it leaves the thread.
+            if span == self.spans[index] {
+                continue;
+            }
+            let off = past_corner([pair[0], pair[1]], self.changes_deg[index + 1]);
+            let off_mm = libm::hypot(off[0], off[1]);
+            if off_mm <= CORNER_TOLERANCE_MM {
+                continue;
+            }
+            // The angle of the change grows with the 1.5th power of the speed at least.
+            let slower = libm::cbrt((CORNER_TOLERANCE_MM / off_mm) * (CORNER_TOLERANCE_MM / off_mm));
+            let speed = (60.0 * self.rev_per_s * slower).floor();
+            let message = format!(
+                "the tool passes the corner at X{:.3} (on the radius) Z{:.3} by {off_mm:.3} mm, {:+.3} mm in X on the radius and {:+.3} mm \
+                 in Z: it changes its direction over {:.1} degrees of the spindle without a stop",
+                corner[0],
+                corner[1],
+                off[0],
+                off[1],
+                self.changes_deg[index + 1]
+            );
+            let finding = Finding::new(code::THREAD_CORNER, span, message)
+                .ranked("", off_mm)
+                .with_value("deviation", off_mm, "mm")
+                .with_value("deviation_x", off[0], "mm")
+                .with_value("deviation_z", off[1], "mm")
+                .with_value("limit", CORNER_TOLERANCE_MM, "mm")
+                .related_to("the block before the corner", self.spans[index])
+                .suggest("begin and end the thread on one line, outside of the work");
+            findings.push(if speed >= 1.0 {
+                let cure = format!("turn at {speed} rev/min at most");
+                finding.suggest_value(cure, None, "spindle_speed", speed, "rev/min")
+            } else {
+                finding
+            });
+        }
     }
 
     /// Speeds of the axes against their limits, with the vibration across the lead; `judged` says that the thread's own report

@@ -220,6 +220,7 @@ impl Threads {
         // The thread's own report knows X and Z, not the axes that carry them out in a tilted plane.
         let is_compared = first.frame.is_none();
         path.check_speeds((lead_axis, peak_mm_per_s), is_compared, first.span, findings);
+        path.check_corners(findings);
         let number = self.open.as_ref().map(|open| open.job.passes.len() as u64);
         path.check_length(is_judged, number, first.span, findings).then_some(Pass { path, vibration })
     }
@@ -236,6 +237,7 @@ impl Threads {
     ) -> Option<Pass> {
         self.close(inputs, analysis, findings);
         path.check_speeds((still.lead_axis, 0.0), false, first.span, findings);
+        path.check_corners(findings);
         path.check_length(false, None, first.span, findings).then_some(Pass { path, vibration: still })
     }
 
