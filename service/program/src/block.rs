@@ -14,7 +14,7 @@ use crate::dialect::{CodeTable, Flow, GROUP_COUNT, Group, Letter, Meaning, lette
 use crate::expression::Assignment;
 use crate::finding::FindingMark;
 use crate::interpreter::{System, is_conditional_return};
-use crate::lexer::{Lexer, Token, TokenKind};
+use crate::lexer::{Lexer, REMOVED, Token, TokenKind};
 use crate::lookalike::{self, Stretch};
 use crate::number::Number;
 use crate::{FindingLog, SourceSpan};
@@ -22,6 +22,7 @@ use crate::{FindingLog, SourceSpan};
 use corner::CommaWords;
 use machine::MachineWords;
 
+pub(crate) use defect::quote;
 pub(crate) use machine::MachineWord;
 pub(crate) use polar::PolarWords;
 
@@ -200,6 +201,7 @@ impl Block {
     ) {
         let mut slash_seen = false;
         let mut looked = false;
+        let mut removed_to = 0;
         let mut tokens = Lexer::from(line, at);
         let o_words = || table.dialect.flow == Flow::OWords;
         loop {
@@ -308,6 +310,10 @@ impl Block {
                     self.report_defect(line, token, findings);
                     self.check_comment(line, token, table, findings);
                 }
+                // It is reported with what was taken out, and so is a number directly behind.
+                TokenKind::Removed => removed_to = token.end as usize,
+                TokenKind::StrayNumber
+                    if removed_to > 0 && line[removed_to..token.start as usize].trim_ascii().is_empty() => {}
                 _ => self.report_defect(line, token, findings),
             }
         }
@@ -334,7 +340,7 @@ impl Block {
     ) {
         let mut rest = line.to_vec();
         for stretch in stretches {
-            rest[stretch.start..stretch.end].fill(b' ');
+            rest[stretch.start..stretch.end].fill(REMOVED);
         }
         self.parse(&rest, (self.program, self.line), table, block_delete, system, findings, mark);
         for stretch in stretches {

@@ -69,7 +69,12 @@ pub enum TokenKind {
     NotUtf8,
     /// A run of other characters without a meaning.
     Unexpected,
+    /// What was taken out of a line to read the rest of it: a run of [`REMOVED`].
+    Removed,
 }
+
+/// What stands in the place of what was taken out of a line. It ends words and numbers, and no line of a program holds it.
+pub(crate) const REMOVED: u8 = b'\n';
 
 /// Words that begin a statement of Macro B.
 const MACRO_WORDS: [&[u8]; 7] = [b"GOTO", b"IF", b"THEN", b"ELSE", b"WHILE", b"DO", b"END"];
@@ -90,6 +95,7 @@ enum Class {
     Macro,
     Nul,
     HighByte,
+    Removed,
     Other,
 }
 
@@ -107,6 +113,7 @@ static CLASSES: [Class; 256] = {
             b'#' | b'[' | b']' | b'=' | b'*' => Class::Macro,
             0 => Class::Nul,
             0x80..=0xff => Class::HighByte,
+            REMOVED => Class::Removed,
             other if starts_number(other) => Class::Number,
             _ => Class::Other,
         };
@@ -318,6 +325,7 @@ impl Iterator for Lexer<'_> {
             Class::Macro => (TokenKind::Expression, self.line.len()),
             Class::Nul => (TokenKind::Nul, self.skip_class(start, Class::Nul)),
             Class::HighByte => self.high_bytes(start),
+            Class::Removed => (TokenKind::Removed, self.skip_class(start, Class::Removed)),
             Class::Other if let Some((letter, Scan { end, number, defect: None })) = self.corner(start) => {
                 self.at = end;
                 return Some(Token { kind: TokenKind::Corner, letter, number, start: start as u32, end: end as u32 });

@@ -3,6 +3,9 @@
 //! Removing one changes the number (`X−5` without its minus is X5), so the whole word is one finding whose cure is the word as it
 //! looks.
 
+use crate::block::quote;
+use crate::lexer::{Lexer, Token, TokenKind};
+
 /// A stretch of a line with such characters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Stretch {
@@ -14,6 +17,31 @@ pub(crate) struct Stretch {
     pub(crate) text: String,
     /// Whether it can only mean that.
     pub(crate) is_certain: bool,
+    /// Whether it can be read as it looks, in its line.
+    pub(crate) reads: bool,
+}
+
+impl Stretch {
+    /// What is wrong with it.
+    pub(crate) fn message(&self, line: &[u8]) -> String {
+        let (written, text) = (quote(&line[self.start..self.end]), &self.text);
+        format!("{written} holds characters that only look like those of a program; it looks like {text}")
+    }
+
+    /// Whether writing it as it looks is the cure.
+    pub(crate) const fn is_cure(&self) -> bool {
+        self.reads && self.is_certain
+    }
+
+    /// The cure in words.
+    pub(crate) fn cure(&self) -> String {
+        let Self { text, .. } = self;
+        match self.reads {
+            true if self.is_certain => format!("write {text}"),
+            true => format!("write it again, as {text} if that is meant: it may be read as either"),
+            false => "write it again: as it looks, it cannot be read".to_owned(),
+        }
+    }
 }
 
 /// Texts in UTF-8 that were taken for Windows-1252 and written in UTF-8 once more: minus sign, dashes, space.
@@ -106,7 +134,60 @@ fn decimal_comma(line: &[u8], at: usize, before: Option<u8>) -> Option<(usize, O
     (follows && digits > 0).then_some((1, Some('.'), digits != 3, true))
 }
 
-/// The stretches of a line outside comments that hold such characters, with the letter before where one is alone.
+/// A run of characters without blanks, as it looks.
+struct Run {
+    end: usize,
+    text: String,
+    is_certain: bool,
+    is_foreign: bool,
+}
+
+impl Run {
+    /// The run from an offset on, which may be empty.
+    fn at(line: &[u8], start: usize) -> Self {
+        let mut run = Self { end: start, text: String::new(), is_certain: true, is_foreign: false };
+        while let Some((length, seen, certain, foreign)) = character(line, run.end) {
+            run.text.extend(seen);
+            run.is_certain &= certain;
+            run.is_foreign |= foreign;
+            run.end += length;
+        }
+        run
+    }
+
+    /// Whether it looks like the beginning of a word whose digits are behind blanks.
+    fn is_begun(&self) -> bool {
+        self.text.ends_with(['+', '-'])
+            || self.text.len() == 1 && self.text.starts_with(|it: char| it.is_ascii_alphabetic())
+    }
+
+    /// Takes in the number behind blanks that belongs to it.
+    fn complete(mut self, line: &[u8]) -> Self {
+        while self.is_begun() {
+            let blanks = line[self.end..].iter().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
+            let next = Self::at(line, self.end + blanks);
+            let is_sign = next.text.starts_with(['+', '-']) && !self.text.ends_with(['+', '-']);
+            if !is_sign && !next.text.starts_with(|it: char| it.is_ascii_digit() || it == '.') {
+                break;
+            }
+            self.end = next.end;
+            self.text.push_str(&next.text);
+            self.is_certain &= next.is_certain;
+        }
+        self
+    }
+}
+
+/// Length of what no stretch holds: a character, or the bytes of one that is not whole.
+fn length_of_other(line: &[u8], at: usize) -> usize {
+    let rest = &line[at..line.len().min(at + 4)];
+    let chunk = rest.utf8_chunks().next();
+    let first = chunk.as_ref().and_then(|chunk| chunk.valid().chars().next()).map(char::len_utf8);
+    first.or_else(|| chunk.map(|chunk| chunk.invalid().len())).unwrap_or(1).max(1)
+}
+
+/// The stretches of a line outside comments that hold such characters, with the letter before and the number behind where one
+/// is alone.
 pub(crate) fn find(line: &[u8]) -> Vec<Stretch> {
     let mut stretches = Vec::new();
     let mut at = 0;
@@ -127,32 +208,77 @@ pub(crate) fn find(line: &[u8]) -> Vec<Stretch> {
             _ => {}
         }
         let start = at;
-        let (mut text, mut is_certain, mut is_foreign) = (String::new(), true, false);
-        while let Some((length, seen, certain, foreign)) = character(line, at) {
-            text.extend(seen);
-            is_certain &= certain;
-            is_foreign |= foreign;
-            at += length;
-        }
-        if at == start {
-            at += 1;
+        let mut run = Run::at(line, start);
+        if run.end == start {
+            at += length_of_other(line, at);
             lone_letter = None;
             continue;
         }
-        if is_foreign {
-            let is_number = text.starts_with(|first: char| first.is_ascii_digit() || matches!(first, '+' | '-' | '.'));
-            match lone_letter.take().filter(|_| is_number) {
-                Some(letter) => {
-                    text.insert(0, char::from(line[letter]));
-                    stretches.push(Stretch { start: letter, end: at, text, is_certain });
-                }
-                None => stretches.push(Stretch { start, end: at, text, is_certain }),
+        if run.is_foreign {
+            let is_number =
+                run.text.starts_with(|first: char| first.is_ascii_digit() || matches!(first, '+' | '-' | '.'));
+            let letter = lone_letter.take().filter(|_| is_number);
+            if let Some(letter) = letter {
+                run.text.insert(0, char::from(line[letter]));
             }
+            let Run { end, text, is_certain, .. } = run.complete(line);
+            at = end;
+            stretches.push(Stretch { start: letter.unwrap_or(start), end, text, is_certain, reads: true });
             continue;
         }
+        at = run.end;
         lone_letter = (at - start == 1 && line[start].is_ascii_alphabetic()).then_some(start);
     }
+    read_as_they_look(line, &mut stretches);
     stretches
+}
+
+/// Finds out which stretches can be read as they look, with all of them written so.
+fn read_as_they_look(line: &[u8], stretches: &mut [Stretch]) {
+    let mut text = Vec::with_capacity(line.len());
+    let mut places = Vec::with_capacity(stretches.len());
+    let mut behind = 0;
+    for Stretch { start, end, text: looks, .. } in &*stretches {
+        text.extend_from_slice(&line[behind..*start]);
+        let place = text.len();
+        text.extend_from_slice(looks.as_bytes());
+        places.push((place, text.len()));
+        behind = *end;
+    }
+    text.extend_from_slice(&line[behind..]);
+    for token in Lexer::new(&text).filter(|token| !is_readable(*token)) {
+        let (from, to) = (token.start as usize, token.end as usize);
+        for (stretch, &(start, end)) in stretches.iter_mut().zip(&places) {
+            stretch.reads &= to <= start || end <= from;
+        }
+    }
+}
+
+/// Whether a token can be a part of a program as it is written.
+fn is_readable(token: Token) -> bool {
+    match token.kind {
+        TokenKind::Word | TokenKind::Corner => !token.number.is_spaced(),
+        TokenKind::UnclosedComment
+        | TokenKind::LoneLetter
+        | TokenKind::MalformedNumber
+        | TokenKind::HugeNumber
+        | TokenKind::StrayNumber
+        | TokenKind::Text
+        | TokenKind::Expression
+        | TokenKind::Nul
+        | TokenKind::NotUtf8
+        | TokenKind::Unexpected
+        | TokenKind::Removed => false,
+        TokenKind::Comment
+        | TokenKind::Percent
+        | TokenKind::BlockDelete
+        | TokenKind::Computed
+        | TokenKind::Assignment
+        | TokenKind::Output
+        | TokenKind::Statement
+        | TokenKind::ComputedCorner
+        | TokenKind::Polar => true,
+    }
 }
 
 #[cfg(test)]
@@ -209,5 +335,56 @@ mod tests {
         check("G1 \u{e9}\u{e8} X5", &[]);
         check(b"G1 \xe9 X5", &[]);
         check("(open X\u{2212}5", &[]);
+    }
+
+    #[test]
+    fn a_character_is_never_divided() {
+        // Each ends in a byte that shows a dash, a blank or a point in Windows-1252.
+        for character in
+            ['\u{417}', '\u{416}', '\u{d7}', '\u{d6}', '\u{ed}', '\u{e0}', '\u{5d0}', '\u{4e16}', '\u{1f516}']
+        {
+            for line in [format!("G0 X50. {character} 2."), format!("X5{character}"), character.to_string()] {
+                check(&line, &[]);
+            }
+            check(
+                format!("{character} X\u{2212}5"),
+                &[(character.len_utf8() + 1, character.len_utf8() + 6, "X-5", true)],
+            );
+        }
+        // Half of a minus sign is none.
+        check(b"X5 \xe2\x88 3", &[]);
+        check(b"X5 \xd0", &[]);
+    }
+
+    #[test]
+    fn a_word_over_blanks_is_one() {
+        check("G0 X \u{2212} 5.", &[(3, 11, "X-5.", true)]);
+        check("G0 \u{425} 50. Z2.", &[(3, 9, "X50.", true)]);
+        check("M3 \u{405} 500", &[(3, 9, "S500", true)]);
+        check("X5. \u{456} \u{2212} 2.", &[(4, 13, "I-2.", true)]);
+        check("G0 \u{425} Z2", &[(3, 5, "X", true)]);
+    }
+
+    #[test]
+    fn what_cannot_be_read_as_it_looks() {
+        let reads = |line: &str| find(line.as_bytes()).iter().map(|found| found.reads).collect::<Vec<_>>();
+        for line in ["X\u{2212}5", "X \u{2212} 5", "\u{425} 5", "#1=5 \u{2212} 3", "X[#1\u{2212}5]", "G1\u{a0}X1,5"] {
+            assert_eq!(reads(line), [true], "{line}");
+        }
+        for line in [
+            "X-\u{2212}5",
+            "X5.\u{2212}",
+            "X5 \u{2212} 3.",
+            "Z 1 \u{2212} 5.",
+            "\u{425} Z2",
+            "N\u{410}10",
+            "X1 \u{ff15}",
+            "X5 \u{a0} 3",
+            "X5 \u{200b} 3",
+            "X\u{2212}5\u{2212}3",
+        ] {
+            assert_eq!(reads(line), [false], "{line}");
+        }
+        assert_eq!(reads("X\u{2212}5 Z5.\u{2212}"), [true, false]);
     }
 }

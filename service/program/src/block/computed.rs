@@ -83,6 +83,10 @@ impl Block {
         system: System<'_>,
         findings: &mut FindingLog,
     ) {
+        if self.has_removed(line, token) {
+            self.has_failed = true;
+            return;
+        }
         // Taken out while the values read what was assigned before.
         let made = core::mem::take(&mut self.assignments);
         let in_sequence = table.dialect.expressions.assigns_in_sequence;

@@ -3,7 +3,7 @@
 use super::{Block, LARGEST_LABEL, LARGEST_NUMBER};
 use crate::code;
 use crate::dialect::{CodeTable, Group, letter_bit};
-use crate::lexer::{Lexer, Token, TokenKind};
+use crate::lexer::{Lexer, REMOVED, Token, TokenKind};
 use crate::lookalike::Stretch;
 use crate::{Finding, FindingCode, FindingLog, GCodeSystem};
 
@@ -164,20 +164,17 @@ impl Block {
 
     #[cold]
     pub(super) fn report_lookalike(&mut self, line: &[u8], stretch: &Stretch, findings: &mut FindingLog) {
-        let Stretch { start, end, text, is_certain } = stretch;
+        let (start, end) = (stretch.start as u32, stretch.end as u32);
         self.unclear = true;
-        self.unread |= letters_in(text.as_bytes());
-        self.extent = (self.extent.0.min(*start as u32), self.extent.1.max(*end as u32));
-        let span = self.span_of(*start as u32, *end as u32);
+        self.unread |= letters_in(stretch.text.as_bytes());
+        self.extent = (self.extent.0.min(start), self.extent.1.max(end));
+        let span = self.span_of(start, end);
         findings.push_with(code::LOOKALIKE, |code| {
-            let written = quote(&line[*start..*end]);
-            let message =
-                format!("{written} holds characters that only look like those of a program; it looks like {text}");
-            let finding = Finding::new(code, span, message);
-            if *is_certain {
-                return finding.suggest_replacement(format!("write {text}"), text.clone());
+            let finding = Finding::new(code, span, stretch.message(line));
+            match stretch.is_cure() {
+                true => finding.suggest_replacement(stretch.cure(), stretch.text.clone()),
+                false => finding.suggest(stretch.cure()),
             }
-            finding.suggest(format!("write it again, as {text} if that is meant: it may be read as either"))
         });
     }
 
@@ -189,7 +186,7 @@ impl Block {
         let start = letter.filter(|_| number > 0 && line[at].eq_ignore_ascii_case(&b'O'))?;
         let mut text = String::from_utf8_lossy(&line[start..end]).into_owned();
         text.replace_range(at - start..=at - start, "0");
-        Some(Stretch { start, end, text, is_certain: true })
+        Some(Stretch { start, end, text, is_certain: true, reads: true })
     }
 
     /// An O behind other words: a program number is the first word of its block. Directly behind a digit it is a zero.
@@ -210,6 +207,18 @@ impl Block {
         });
     }
 
+    /// Whether something was taken out of a token, which is reported with that.
+    #[cold]
+    pub(super) fn has_removed(&mut self, line: &[u8], token: Token) -> bool {
+        let text = &line[token.start as usize..token.end as usize];
+        let has_removed = text.contains(&REMOVED);
+        if has_removed {
+            self.unclear = true;
+            self.unread |= letters_in(text);
+        }
+        has_removed
+    }
+
     /// Everything that is neither a word nor a comment.
     #[cold]
     pub(super) fn report_defect(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
@@ -217,6 +226,9 @@ impl Block {
             && let Some(stretch) = Self::zero_written_as_o(line, token)
         {
             return self.report_lookalike(line, &stretch, findings);
+        }
+        if self.has_removed(line, token) {
+            return;
         }
         let is_text = token.kind == TokenKind::Text;
         if is_text && token.start < self.text_end {
@@ -288,7 +300,7 @@ fn end_of_text(line: &[u8], end: u32) -> u32 {
 }
 
 /// The text of a token for a message: readable and short whatever it holds.
-fn quote(text: &[u8]) -> String {
+pub(crate) fn quote(text: &[u8]) -> String {
     const LONGEST: usize = 40;
     let shown = String::from_utf8_lossy(&text[..text.len().min(LONGEST)]);
     let more = if text.len() > LONGEST { "…" } else { "" };

@@ -7,6 +7,7 @@ use super::name::Name;
 use super::operator::{Impossible, Operation, Operator, operator_at};
 use super::rules::Rules;
 use super::{Context, Defect, Note, NoteKind, Reading, Target, Value};
+use crate::lookalike;
 use crate::number::{self, Scan};
 use crate::parameters::profile_row;
 use crate::{AngleRange, code};
@@ -88,10 +89,19 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
         is_next
     }
 
+    /// A character that only looks like one of a program where the expression cannot be read on.
+    fn lookalike(&self, at: usize) -> Option<Box<Defect>> {
+        let found = lookalike::find(self.line).into_iter().find(|found| (found.start..found.end).contains(&at))?;
+        Some(Defect::new(code::LOOKALIKE, found.start, found.end, found.message(self.line)).cure(found.cure()))
+    }
+
     #[cold]
     fn malformed(&self, message: &str) -> Box<Defect> {
         let end = (self.at + 1).min(self.line.len());
         let start = self.at.min(end.saturating_sub(1));
+        if let Some(defect) = self.lookalike(start) {
+            return defect;
+        }
         Defect::new(code::EXPRESSION_MALFORMED, start, end, message)
             .cure("check the brackets, and that there is an operator between two values")
     }

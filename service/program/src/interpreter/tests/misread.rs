@@ -26,7 +26,10 @@ fn a_minus_sign_of_typesetting() {
         ("G0 X\u{2212}5", "G0 X-5"),
         ("G0 X\u{2013}5.2 Y\u{2014}3 Z\u{2011}1", "G0 X-5.2 Y-3 Z-1"),
         ("G0 X \u{2212}5 Y3", "G0 X-5 Y3"),
-        ("G0 X\u{2212} 5", "G0 X- 5"),
+        ("G0 X\u{2212} 5", "G0 X-5"),
+        ("G0 X \u{2212} 5.", "G0 X-5."),
+        ("G0 \u{425} 50. Z2.", "G0 X50. Z2."),
+        ("M3 \u{405} 500", "M3 S500"),
         ("\u{ff27}\u{ff10}\u{3000}\u{ff38}\u{ff11}\u{ff10}", "G0 X10"),
         ("G0\u{a0}X10\u{a0}Y5", "G0 X10 Y5"),
         ("G0 \u{425}10 (\u{425})", "G0 X10 (\u{425})"),
@@ -48,6 +51,35 @@ fn one_finding_for_a_word() {
         let finding = &findings.findings()[0];
         assert_eq!(finding.code, "PRG-LOOKALIKE");
         assert!(finding.suggestions.iter().all(|cure| cure.replacement.is_none()), "{finding:?}");
+    }
+}
+
+/// A number before a removed stretch and one behind it are never one number.
+#[test]
+fn a_stretch_ends_the_number_before_it() {
+    for (line, place) in [
+        ("G0 X5 \u{2212} 3. Z2.", "7+6"),
+        ("G1 Z 1 \u{2212} 5.", "8+6"),
+        ("G0 X5 \u{200b} 3.", "7+3"),
+        ("G0 X-\u{2212}5.", "4+7"),
+        ("G0 X5.\u{2212}", "4+6"),
+    ] {
+        let (_, findings) = interpret(format!("{line}\nM30").as_bytes(), mill());
+        let finding = &findings.findings()[0];
+        assert_eq!(finding.code, "PRG-LOOKALIKE", "{line}: {findings:?}");
+        assert_eq!(format!("{}+{}", finding.span.column, finding.span.length), place, "{line}");
+        assert_eq!(finding.suggestions[0].replacement, None, "{line}");
+        assert!(findings.findings().iter().all(|finding| finding.code != "PRG-NUMBER-SPACED"), "{line}: {findings:?}");
+    }
+    check(&mill(), "G0 X1 \u{417} 2.", "! 1:7+2 PRG-CHARACTER\n! 1:10+2 PRG-NUMBER-STRAY");
+}
+
+#[test]
+fn a_minus_sign_of_typesetting_in_an_expression() {
+    for line in ["G0 X[#1\u{2212}5]", "#1=[5\u{2212}3]", "IF [#1 EQ \u{2212}5] GOTO 10", "G0 \u{425}1 Y[#1\u{2212}5]"] {
+        let (_, findings) = interpret(format!("#1=1\n{line}\nN10 M30").as_bytes(), mill());
+        let found: Vec<_> = findings.findings().iter().map(|finding| finding.code.name()).collect();
+        assert!(!found.is_empty() && found.iter().all(|code| *code == "PRG-LOOKALIKE"), "{line}: {findings:?}");
     }
 }
 
