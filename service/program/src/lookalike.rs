@@ -3,6 +3,7 @@
 //! Removing one changes the number (`X−5` without its minus is X5), so the whole word is one finding whose cure is the word as it
 //! looks.
 
+use crate::Finding;
 use crate::block::quote;
 use crate::lexer::{Lexer, Token, TokenKind};
 
@@ -28,11 +29,6 @@ impl Stretch {
         format!("{written} holds characters that only look like those of a program; it looks like {text}")
     }
 
-    /// Whether writing it as it looks is the cure.
-    pub(crate) const fn is_cure(&self) -> bool {
-        self.reads && self.is_certain
-    }
-
     /// The cure in words.
     pub(crate) fn cure(&self) -> String {
         let Self { text, .. } = self;
@@ -41,6 +37,14 @@ impl Stretch {
             true => format!("write it again, as {text} if that is meant: it may be read as either"),
             false => "write it again: as it looks, it cannot be read".to_owned(),
         }
+    }
+
+    /// A finding with the cure.
+    pub(crate) fn cured(&self, finding: Finding) -> Finding {
+        if self.reads && self.is_certain {
+            return finding.suggest_replacement(self.cure(), self.text.clone());
+        }
+        finding.suggest(self.cure())
     }
 }
 

@@ -169,13 +169,7 @@ impl Block {
         self.unread |= letters_in(stretch.text.as_bytes());
         self.extent = (self.extent.0.min(start), self.extent.1.max(end));
         let span = self.span_of(start, end);
-        findings.push_with(code::LOOKALIKE, |code| {
-            let finding = Finding::new(code, span, stretch.message(line));
-            match stretch.is_cure() {
-                true => finding.suggest_replacement(stretch.cure(), stretch.text.clone()),
-                false => finding.suggest(stretch.cure()),
-            }
-        });
+        findings.push_with(code::LOOKALIKE, |code| stretch.cured(Finding::new(code, span, stretch.message(line))));
     }
 
     /// The word that an O directly behind its digits belongs to, with a zero in its place.

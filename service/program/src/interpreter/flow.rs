@@ -58,7 +58,7 @@ impl Mark {
 
 /// What a search for a place found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Found {
+pub(super) enum Found {
     Nowhere,
     At(Mark),
     Twice(Mark, Mark),

@@ -3,6 +3,7 @@
 use super::line::skip_blanks;
 use super::{CallKind, CallRequest, CallTarget, Interpreter, Jump, ModalCall, Pending};
 use crate::code;
+use crate::consequence;
 use crate::dialect::{CodeTable, Flow, Group, Meaning};
 use crate::lexer::{Lexer, TokenKind};
 use crate::parameters::LOCALS;
@@ -162,6 +163,9 @@ impl Interpreter {
 
     #[cold]
     fn no_program(&self, span: SourceSpan, findings: &mut FindingLog) -> bool {
+        if consequence::follows_from(code::SUBPROGRAM_MISSING, self.block.unread, self.state.unread) {
+            return false;
+        }
         findings.push_with(code::SUBPROGRAM_MISSING, |code| {
             Finding::new(code, span, "no P says which program is called")
                 .suggest("add P with the number of the program")

@@ -7,6 +7,7 @@ use super::line::{self, Statement};
 use super::{Found, Mark};
 use crate::LanguageSettings;
 use crate::dialect::Flow;
+use crate::lookalike::Stretch;
 
 /// Most labels and statements that are kept of one program, so that its index stays within a few tens of megabytes.
 pub(super) const MAX_ENTRIES: usize = 1 << 20;
@@ -46,13 +47,28 @@ pub(in crate::interpreter) struct Index {
     labels: Vec<(u32, Mark)>,
     /// Ascending by place.
     pub(in crate::interpreter) controls: Vec<Control>,
+    /// Line and program numbers that only look like such.
+    unread: Vec<UnreadNumber>,
     /// There were more entries than are kept.
     pub(in crate::interpreter) is_cut: bool,
 }
 
+/// Most numbers that only look like such which are kept of one program.
+const MAX_UNREAD: usize = 100;
+
+/// A line or program number with characters that only look like those of one.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct UnreadNumber {
+    /// Its line.
+    pub(super) line: Mark,
+    pub(super) stretch: Stretch,
+    /// What is wrong with it.
+    pub(super) message: String,
+}
+
 impl Index {
     /// The label `N` within the section that holds `place`.
-    pub(super) fn label(&self, number: u32, place: u64) -> Found {
+    pub(in crate::interpreter) fn label(&self, number: u32, place: u64) -> Found {
         let section = self.section_at(place);
         let first = self.labels.partition_point(|(label, _)| *label < number);
         let range = section.start.place.offset..section.end;
@@ -86,6 +102,15 @@ impl Index {
             ));
         }
         Ok((start, end))
+    }
+
+    /// The numbers that only look like such and may be meant as this one.
+    pub(super) fn unread(&self, letter: char, number: u32) -> impl Iterator<Item = &UnreadNumber> {
+        let is_meant = move |stretch: &Stretch| {
+            stretch.text[..1].eq_ignore_ascii_case(letter.encode_utf8(&mut [0; 4]))
+                && line::number_meant(stretch) == Some(number)
+        };
+        self.unread.iter().filter(move |unread| is_meant(&unread.stretch))
     }
 
     /// The section that holds an offset.
@@ -182,7 +207,14 @@ impl Indexer {
     pub(in crate::interpreter) fn new(program: u32, flow: Flow, settings: &LanguageSettings) -> Self {
         let at = Mark::start_of(program);
         let whole = Section { number: None, start: at, end: u64::MAX };
-        let index = Index { program, sections: vec![whole], labels: Vec::new(), controls: Vec::new(), is_cut: false };
+        let index = Index {
+            program,
+            sections: vec![whole],
+            labels: Vec::new(),
+            controls: Vec::new(),
+            unread: Vec::new(),
+            is_cut: false,
+        };
         let longest = settings.max_line_bytes as usize;
         Self { index, flow, at, block_delete: settings.block_delete, longest, skipping: false }
     }
@@ -227,6 +259,12 @@ impl Indexer {
         self.at.place.offset += whole as u64;
         self.at.lines += 1;
         let found = line::classify(text, self.flow, self.block_delete);
+        if let Some(stretch) = found.unread
+            && self.index.unread.len() < MAX_UNREAD
+        {
+            let message = stretch.message(text);
+            self.index.unread.push(UnreadNumber { line: start, stretch, message });
+        }
         if let Some(number) = found.program {
             if let Some(last) = self.index.sections.last_mut() {
                 last.end = start.place.offset;

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::dialect::Flow;
+use crate::lookalike::{self, Stretch};
 
 /// A control statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,6 +71,8 @@ pub(crate) struct Line {
     pub(crate) program: Option<u32>,
     /// With the number or the name of it.
     pub(crate) statement: Option<(Statement, String)>,
+    /// A line or program number with characters that only look like those of one.
+    pub(crate) unread: Option<Stretch>,
 }
 
 impl Line {
@@ -106,6 +109,23 @@ pub(crate) fn digits(line: &[u8], at: usize) -> Option<(u32, usize)> {
     Some((trimmed.parse().unwrap_or(0), start + length))
 }
 
+/// Bytes within which a line or program number is looked at.
+const LONGEST_NUMBER_WORD: usize = 40;
+
+/// The stretch at the beginning of a line that looks like a line or program number.
+#[cold]
+fn unread_number(line: &[u8], at: usize) -> Option<Stretch> {
+    let first = lookalike::find(line).into_iter().next()?;
+    (first.start <= at && first.text.starts_with(['N', 'n', 'O'])).then_some(first)
+}
+
+/// The number that a stretch may be meant as: a letter O among its digits may be a zero.
+pub(super) fn number_meant(stretch: &Stretch) -> Option<u32> {
+    let digit = |letter: char| if letter == 'O' { Some('0') } else { letter.is_ascii_digit().then_some(letter) };
+    let digits = stretch.text.chars().skip(1).take_while(|letter| !letter.is_whitespace()).filter_map(digit);
+    digits.collect::<String>().parse().ok()
+}
+
 /// What a line has for control flow. Lines that block delete leaves out have nothing.
 pub(crate) fn classify(line: &[u8], flow: Flow, block_delete: bool) -> Line {
     let mut found = Line::default();
@@ -120,6 +140,13 @@ pub(crate) fn classify(line: &[u8], flow: Flow, block_delete: bool) -> Line {
         at = skip_blanks(line, at + 1);
         if line.get(at).is_some_and(u8::is_ascii_digit) {
             at = skip_blanks(line, at + 1);
+        }
+    }
+    let word = line[at..].iter().take_while(|byte| !matches!(byte, b' ' | b'\t'));
+    if word.take(LONGEST_NUMBER_WORD).any(|byte| !byte.is_ascii()) {
+        found.unread = unread_number(line, at);
+        if found.unread.is_some() {
+            return found;
         }
     }
     if let Some(b'N' | b'n') = line.get(at)
@@ -236,7 +263,7 @@ mod tests {
     use super::*;
 
     fn found(line: &str, flow: Flow) -> (Option<u32>, Option<u32>, Option<(Statement, String)>) {
-        let Line { label, program, statement } = classify(line.as_bytes(), flow, false);
+        let Line { label, program, statement, .. } = classify(line.as_bytes(), flow, false);
         (label, program, statement)
     }
 

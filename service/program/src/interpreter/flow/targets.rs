@@ -1,6 +1,6 @@
 //! Where jumps lead.
 
-use super::index::MAX_ENTRIES;
+use super::index::{MAX_ENTRIES, UnreadNumber};
 use super::line::Statement;
 use super::{
     Call, CallKind, CallRequest, CallTarget, Found, Index, Interpreter, Jump, Loop, LoopKind, MAX_CALLS, MAX_LOOPS,
@@ -8,7 +8,7 @@ use super::{
 };
 use crate::code;
 use crate::dialect::Flow;
-use crate::{Finding, FindingCode, FindingLog, Place};
+use crate::{Finding, FindingCode, FindingLog, Place, SourceSpan};
 
 /// Most loops of Macro B that may be open within each other.
 const MAX_MACRO_LOOPS: usize = 3;
@@ -71,6 +71,7 @@ impl Interpreter {
                 let message = format!("the jump to N{number} leads into the loop that begins on line {}", head.line());
                 (message, finding.suggest("jump to a block before the loop"))
             }),
+            (Found::Nowhere, _) if self.reports_unread('N', number, program, findings) => Progress::Failed,
             (Found::Nowhere, _) => self.no_target(pending, findings, |finding| {
                 if is_cut {
                     let message = format!("N{number} is not among the first {MAX_ENTRIES} labels of the program");
@@ -259,6 +260,7 @@ impl Interpreter {
                 let index = self.index(own).ok_or(Progress::NeedsIndex(own))?;
                 match index.label(*number, pending.from.place.offset) {
                     Found::At(mark) => Ok(mark),
+                    Found::Nowhere if self.reports_unread('N', *number, own, findings) => Err(Progress::Failed),
                     _ => Err(self.no_target(pending, findings, |finding| {
                         (format!("there is no single block N{number} to call"), finding)
                     })),
@@ -266,11 +268,19 @@ impl Interpreter {
             }
             CallTarget::Program { number, label } => {
                 let start = self.find_program(*number, own)?;
+                if start.is_none()
+                    && (0..=self.programs.len() as u32).any(|file| self.reports_unread('O', *number, file, findings))
+                {
+                    return Err(Progress::Failed);
+                }
                 let Some(start) = start else { return Err(self.missing(&format!("O{number}"), pending, findings)) };
                 let Some(label) = label else { return Ok(start) };
                 let index = self.index(start.place.program).ok_or(Progress::NeedsIndex(start.place.program))?;
                 match index.label(*label, start.place.offset) {
                     Found::At(mark) => Ok(mark),
+                    Found::Nowhere if self.reports_unread('N', *label, start.place.program, findings) => {
+                        Err(Progress::Failed)
+                    }
                     _ => Err(self.missing(&format!("a single block N{label} in O{number}"), pending, findings)),
                 }
             }
@@ -317,6 +327,26 @@ impl Interpreter {
             }
         }
         Err(self.missing(&format!("o{name} sub, nor a file {bare}.ngc of the job"), pending, findings))
+    }
+
+    /// Reports the line and program numbers of a program that only look like such and may be meant as this one, which is nowhere
+    /// because of that; whether there is any.
+    #[cold]
+    pub(in crate::interpreter) fn reports_unread(
+        &self,
+        letter: char,
+        number: u32,
+        program: u32,
+        findings: &mut FindingLog,
+    ) -> bool {
+        let mut unread = self.index(program).into_iter().flat_map(|index| index.unread(letter, number)).peekable();
+        let is_any = unread.peek().is_some();
+        for UnreadNumber { line, stretch, message } in unread {
+            let (column, length) = (stretch.start as u32 + 1, (stretch.end - stretch.start) as u32);
+            let span = SourceSpan { program, line: line.line(), column, length };
+            findings.push_with(code::LOOKALIKE, |code| stretch.cured(Finding::new(code, span, message.clone())));
+        }
+        is_any
     }
 
     #[cold]
@@ -405,7 +435,7 @@ impl Interpreter {
     }
 
     /// A called program that is not ended where its file, or the next program in it, ends it.
-    pub(in crate::interpreter) fn report_open_call(&self, span: crate::SourceSpan, findings: &mut FindingLog) {
+    pub(in crate::interpreter) fn report_open_call(&self, span: SourceSpan, findings: &mut FindingLog) {
         let end = if self.table.dialect.flow == Flow::MacroB { "M99" } else { "endsub, or M99" };
         findings.push_with(code::SUBPROGRAM_END, |code| {
             Finding::new(code, span, "the subprogram does not return to its caller")

@@ -65,3 +65,26 @@ fn a_cut_with_something_unknown_is_judged_by_nothing() {
     );
     check(&lathe(), "G32 Z-5 F..\nZ-6", "! 1:9+3 PRG-NUMBER-INVALID");
 }
+
+/// A target that is not there because its number only looks like one.
+#[test]
+fn a_number_that_only_looks_like_one_is_the_cause_of_a_missing_target() {
+    let found = |settings: &LanguageSettings, program: &str| {
+        let (_, findings) = interpret(program.as_bytes(), settings.clone());
+        let found = findings.findings().iter().map(|finding| (finding.span.line, finding.code.name()));
+        found.collect::<Vec<_>>()
+    };
+    let contour = |first: &str| {
+        format!("S500 M3\nG0 X50 Z2\nG71 U1 R.5\nG71 P10 Q20 U.4 W.1 F.15\n{first} G0 X20\nG1 Z-10\nN20 X50\nM30\n")
+    };
+    for first in ["N\u{410}10", "\u{ff2e}10", "N1\u{ff10}", "N1\u{41e}", "/\u{39d}10"] {
+        assert_eq!(found(&lathe(), &contour(first)), [(5, "PRG-LOOKALIKE")], "{first}");
+    }
+    for first in ["N11", "\u{ff2e}11", "G1 (\u{2212})"] {
+        assert_eq!(found(&lathe(), &contour(first))[0], (4, "PRG-TURNING-CONTOUR"), "{first}");
+    }
+    for (jump, there) in [("GOTO 10", "\u{39d}10 G1"), ("M98 P1000", "\u{41e}1000"), ("M98 P1000", "O1\u{ff10}00")] {
+        let program = format!("{jump}\nM30\n{there} X1\nM99\n");
+        assert_eq!(found(&mill(), &program), [(3, "PRG-LOOKALIKE")], "{program}");
+    }
+}

@@ -9,7 +9,7 @@ mod cut;
 use serde::{Deserialize, Serialize};
 
 use super::super::corner::Corner;
-use super::super::flow::{CallKind, CallRequest, CallTarget, Jump, Mark, Pending, Progress};
+use super::super::flow::{CallKind, CallRequest, CallTarget, Found, Jump, Mark, Pending, Progress};
 use super::super::saved::SavedModes;
 use super::super::{Interpreter, angle, corner};
 use super::beyond::Writing;
@@ -177,7 +177,19 @@ impl Interpreter {
                 let found = index.contour(first, last, pending.from.place.offset);
                 let (first, last) = match found {
                     Ok(found) => found,
-                    Err(message) => return self.no_contour(pending.span, message, findings),
+                    Err(message) => {
+                        let unread = [first, last].map(|number| {
+                            let is_nowhere = index.label(number, pending.from.place.offset) == Found::Nowhere;
+                            is_nowhere && self.reports_unread('N', number, program, findings)
+                        });
+                        return match unread {
+                            [false, false] => self.no_contour(pending.span, message, findings),
+                            _ => {
+                                self.state.flow.contour = None;
+                                Progress::Failed
+                            }
+                        };
+                    }
                 };
                 let Some(run) = &mut self.state.flow.contour else { return Progress::Done };
                 (run.from, run.first, run.last, run.behind) = (pending.from, first, Some(last), pending.behind);
