@@ -24,7 +24,9 @@ pub use self::tool::*;
 pub use self::turning::*;
 pub use self::words::*;
 
-use crate::{CodeTable, FindingCode};
+use crate::CodeTable;
+#[cfg(test)]
+use crate::FindingCode;
 
 /// Every finding code of the program language, by topic.
 pub const TABLES: [CodeTable; 11] = [
@@ -42,6 +44,7 @@ pub const TABLES: [CodeTable; 11] = [
 ];
 
 /// Whether the program language makes findings of this code.
+#[cfg(test)]
 pub(crate) fn is_of_language(code: FindingCode) -> bool {
     code.name().starts_with("PRG-")
 }

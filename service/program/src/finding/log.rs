@@ -27,6 +27,8 @@ pub struct FindingLog {
     error_occurrences: u64,
     /// How many findings of each severity there are, indexed info, warning, error.
     counts: [u64; 3],
+    /// Nothing more is taken.
+    is_closed: bool,
 }
 
 /// How far a [`FindingLog`] was filled.
@@ -61,11 +63,15 @@ impl FindingLog {
             dropped: 0,
             error_occurrences: 0,
             counts: [0; 3],
+            is_closed: false,
         }
     }
 
     /// Adds a finding, or counts it as an occurrence of one that is there; see [`FindingLog`].
     pub fn push(&mut self, finding: Finding) {
+        if self.is_closed {
+            return;
+        }
         let identity = identity(&finding);
         self.error_occurrences += u64::from(finding.severity == Severity::Error);
         match self.known.get(&identity) {
@@ -90,6 +96,9 @@ impl FindingLog {
     /// nothing but mistakes costs no formatting either.
     pub fn push_with(&mut self, code: FindingCode, build: impl FnOnce(FindingCode) -> Finding) {
         let severity = code.severity();
+        if self.is_closed {
+            return;
+        }
         if self.findings.len() < self.limit || self.knows_more() {
             let finding = build(code);
             debug_assert_eq!((finding.code, finding.severity), (code, severity));
@@ -169,11 +178,11 @@ impl FindingLog {
         }
     }
 
-    /// Takes back the findings that `is_void` says, and all that were only counted.
-    pub(crate) fn forget(&mut self, is_void: impl Fn(&Finding) -> bool) {
-        let findings = core::mem::take(&mut self.findings);
+    /// Takes back every finding, and takes none after this one: it says all there is to say.
+    pub(crate) fn close_with(&mut self, finding: Finding) {
         *self = Self::with_limit(self.limit);
-        findings.into_iter().filter(|finding| !is_void(finding)).for_each(|finding| self.push(finding));
+        self.push(finding);
+        self.is_closed = true;
     }
 
     /// Whether this occurrence is the one that is told of its finding: message, numbers and cures are its.
@@ -436,6 +445,18 @@ mod tests {
         (1..3).for_each(|line| log.push(finding(line)));
         let counted: Vec<_> = log.findings().iter().map(|finding| (finding.span.line, finding.occurrences)).collect();
         assert_eq!((counted, log.count(Severity::Error)), (vec![(2, 2), (1, 1)], 2));
+    }
+
+    #[test]
+    fn a_finding_that_says_all_is_the_only_one() {
+        let mut log = FindingLog::with_limit(2);
+        (1..5).for_each(|line| log.push(Finding::new(MILD_A, SourceSpan { line, ..G76 }, "before")));
+        log.close_with(Finding::new(B, G76, "all"));
+        let mark = log.mark();
+        log.push(Finding::new(A, G76, "behind"));
+        log.push_with(A, |code| Finding::new(code, G76, "behind"));
+        assert_eq!((log.findings().len(), log.dropped(), log.count(Severity::Error)), (1, 0, 1));
+        assert!(!log.has_errors_since(&mark) && log.count(Severity::Warning) == 0);
     }
 
     proptest! {

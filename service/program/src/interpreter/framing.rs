@@ -81,12 +81,9 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) {
         self.state.evidence.settle();
-        findings.forget(|finding| code::is_of_language(finding.code));
         let span = SourceSpan { program: self.state.place.program, line, column: 1, length: length as u32 };
-        findings.push_with(code::NOT_A_PROGRAM, |code| {
-            let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
-            Finding::new(code, span, message).suggest(cure)
-        });
+        let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
+        findings.close_with(Finding::new(code::NOT_A_PROGRAM, span, message).suggest(cure));
         self.state.nurbs = None;
         self.state.reported.trailing = true;
         if !self.state.has_ended() {

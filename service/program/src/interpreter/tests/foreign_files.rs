@@ -94,11 +94,19 @@ fn programs_of_other_controls() {
         1,
     );
     check_file("UNo. MATERIAL OUTER-DIA MIN INNER-DIA LENGTH\n0 S45C 100. 0. 120.\nUNo. UNIT CONTI.\n", "MAZATROL", 1);
+    check_file("PROC TASCHE(REAL L, REAL B)\nG1 X=L\nRET\n", "SINUMERIK", 1);
+    check_file("N10 G0 X0 Y0\nN20 G1 X10 F100\nN30 CALL \"SUB1\"\nN40 REPEAT LAB P=3\nM30\n", "SINUMERIK", 3);
+    check_file("$TEST.MIN%\nG15 H1\nN1 G0 X50 Z2\nCALL OO88 PX=5\nNEND M2\n", "OKUMA", 1);
     check_file("; from elsewhere\n6 L X+10 Y+5 R0 FMAX M3\n7 L Z-5\n", "HEIDENHAIN", 2);
 }
 
 #[test]
 fn text_tables_and_drawings() {
+    check_file("--- a/shaft.nc\n+++ b/shaft.nc\n@@ -1 +1 @@\n-G0 X1\n+G0 X2\n".repeat(60), "differences", 3);
+    check_file("diff --git a/a.nc b/a.nc\n@@ -1 +1 @@\n-G0 X1\n+G0 X2\n", "differences", 1);
+    check_file("From: a@b.c\nTo: d@e.f\nSubject: prog\n\nG0 X10\nM30\n".repeat(20), "mail", 1);
+    check_file("Subject: prog\nMIME-Version: 1.0\n\nG0 X10\nM30\n", "mail", 2);
+    check_file("%FSLAX24Y24*%\n%MOIN*%\nG01*\nX0Y0D02*\nX1000Y0D01*\nM02*\n".repeat(20), "Gerber", 1);
     let prose = "Dear colleagues,\n\nplease find the drawing of the new shaft in the attachment. It is 12 mm longer\n\
                  than the old one, and has 2 more grooves of 3 mm.\n\nBest regards\n";
     check_file(prose, "text", 1);
