@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-pub use self::code::{CodeEntry, CodeTable, Example, FindingCode};
+pub use self::code::{CodeEntry, CodeTable, Example, Explanation, FindingCode};
 pub use self::log::FindingLog;
 pub(crate) use self::log::FindingMark;
 

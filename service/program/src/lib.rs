@@ -39,8 +39,8 @@ pub use compensation::{
 };
 pub use coordinates::{InitialOffsets, UnknownWorkSystem, WorkOffset, WorkSystem};
 pub use finding::{
-    CodeEntry, CodeTable, Example, Finding, FindingCode, FindingLog, NamedValue, Occurrence, RelatedPlace, Severity,
-    SourceSpan, Suggestion,
+    CodeEntry, CodeTable, Example, Explanation, Finding, FindingCode, FindingLog, NamedValue, Occurrence, RelatedPlace,
+    Severity, SourceSpan, Suggestion,
 };
 pub use guided::{AxisSet, GuidedMove, TiltedPlane, ToolAxisSolution, ToolGuide};
 pub use interpreter::{Interpreter, LineOutcome, interpret};

@@ -35,7 +35,7 @@ pub fn page() -> String {
 }
 
 fn row(page: &mut String, entry: &CodeEntry) {
-    let CodeEntry { name, severities, meaning, cause, cure, example } = entry;
+    let CodeEntry { name, severities, meaning, cause, cure, example, .. } = entry;
     let severities: Vec<&str> = severities.iter().map(|severity| severity_name(*severity)).collect();
     let severities = severities.join(" or ");
     let _ =

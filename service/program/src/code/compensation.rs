@@ -9,6 +9,7 @@ crate::finding_codes! {
         cause: "`G41` or `G42` has no D and none was in force (on a lathe no T with an offset), or no tool of the job has this \
               number and a radius.",
         cure: "Write the number of the tool offset, and give the tool its radius.",
+        explained_by: modal("DT"),
         example: mill("G0 X0 Y0\nG41 G1 X20 Y0 F100\nY20\nG40 G0 X0 Y40\nM30"),
     }
 

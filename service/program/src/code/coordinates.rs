@@ -15,6 +15,7 @@ crate::finding_codes! {
         meaning: "a code whose meaning depends on a setting that neither the profile nor the job states",
         cause: "Controls do different things for the code, or move to a place that only the machine knows.",
         cure: "Set what the finding names in the machine profile or the offsets of the job.",
+        explained_by: block("ABCDEFGHIJKLMNOPQRSTUVWXYZ"),
         example: mill("G91 G30 P3 Z0"),
     }
 

@@ -10,6 +10,7 @@ crate::finding_codes! {
               Haas controls): some controls take 0 for it, others the last one. In LinuxCNC also the P of its dwell, even where the \
               cycle's code has changed or was left.",
         cure: "Add the words that the finding names.",
+        explained_by: modal("XYZUVWRQPG"),
         example: mill("M3 S1000\nG0 Z10\nG81 X10 R2 F100"),
     }
 
@@ -17,6 +18,7 @@ crate::finding_codes! {
         meaning: "a drilling cycle without R on a Haas control, or where R is a distance: the tool feeds from the level of its start",
         cause: "No block since `G80` has R, so that the R level is no distance below the level of the start.",
         cure: "Add R with the level to which the tool goes rapidly, so that it feeds through less air.",
+        explained_by: block("R"),
         example: mill("M3 S1000\nG0 Z10\nG91 G81 X10 Z-15 F100"),
     }
 
@@ -33,6 +35,7 @@ crate::finding_codes! {
         cause: "The R level is below the bottom, or the tool is below the R level where the cycle begins: a FANUC control \
               would go to the hole down there.",
         cure: "Check the signs of Z and R, and whether G91 makes them distances; move the tool above the R level before.",
+        explained_by: modal("XYZUVWABCHIJKRG"),
         example: mill("M3 S1000\nG0 Z10\nG81 X10 Z-5 R-8 F100"),
     }
 
@@ -54,6 +57,7 @@ crate::finding_codes! {
         meaning: "a tapping or boring cycle whose spindle does not turn, or turns in the wrong direction",
         cause: "`G84` needs M3, `G74` M4; a rigid tap needs a speed; LinuxCNC's `G86` needs a turning spindle.",
         cure: "Start the spindle in the right direction before the cycle, such as `M3 S500`.",
+        explained_by: modal("SMG"),
         example: mill("G0 Z10\nG84 X10 Z-5 R2 F100"),
     }
 
@@ -69,6 +73,7 @@ crate::finding_codes! {
         cause: "`I` is the radius of the first circle, at least that of the tool (`D`); `K`, the radius of the last one, is larger \
               and goes with `Q`, the step from circle to circle; `L` repeats it.",
         cure: "Write the words that the finding names.",
+        explained_by: block("IKQDFLZ"),
         example: on("mill, language.drilling.style = DRILLING_STYLE_HAAS", "M3 S1000\nG0 X0 Y0 Z2\nG13 D0 Z-2 F100"),
     }
 

@@ -30,6 +30,7 @@ crate::finding_codes! {
         meaning: "a program that is called and is not there",
         cause: "Neither the program file nor the further files of the job have the program.",
         cure: "Add the program to the file, or give the job the file that it is in.",
+        explained_by: block("P"),
         example: mill("M98 P1000\nM30"),
     }
 

@@ -9,6 +9,7 @@ crate::finding_codes! {
         cause: "The program starts without G0 or G1, of which a parameter of FANUC controls says which one is in force then, and the \
               machine profile does not; or it goes on after `G5.3` without one.",
         cure: "Add the motion code to the block, or state `language.initial_motion` in the profile.",
+        explained_by: modal("G"),
         example: lathe("X10 Z5"),
     }
 
@@ -17,6 +18,7 @@ crate::finding_codes! {
         cause: "No F was programmed in this feed mode, the mode was changed after it, a thread took its place, or \
               inverse time (`G93`) has none in the block.",
         cure: "Add F to the block.",
+        explained_by: modal("FG"),
         example: lathe("M3 S1000\nG1 X10"),
     }
 
@@ -31,6 +33,7 @@ crate::finding_codes! {
         meaning: "feed per revolution or a thread with a spindle that does not turn",
         cause: "No M3 or M4 with an S comes before it, or M5 stopped the spindle: the move would never advance.",
         cure: "Start the spindle before, such as `M3 S1000`, or program the feed per minute.",
+        explained_by: modal("SMG"),
         example: lathe("G1 X10 F0.2"),
     }
 
@@ -47,6 +50,7 @@ crate::finding_codes! {
         cause: "`G96` has no surface speed, `G50` or `G92` no clamp; or `G97` without S goes on at the speed of the \
               present radius, which the program's clamp and the machine's limit bound.",
         cure: "Add S to the block.",
+        explained_by: modal("S"),
         example: lathe("G96 M3"),
     }
 
@@ -54,6 +58,7 @@ crate::finding_codes! {
         meaning: "constant surface speed without a speed clamp",
         cause: "`G96` is in force, and no `G50 S` or `G92 S` limits the speed, which grows without limit towards X0.",
         cure: "Program the highest speed of chuck and work before it, such as `G50 S3000`.",
+        explained_by: modal("SG"),
         example: lathe("G96 S200 M3"),
     }
 
@@ -61,6 +66,7 @@ crate::finding_codes! {
         meaning: "a dwell without a valid time",
         cause: "`G4` has no P or X (on lathes U), or a negative one.",
         cure: "Add the time: P in milliseconds or seconds as the profile says, X and U in seconds.",
+        explained_by: block("PXU"),
         example: lathe("G4"),
     }
 
@@ -68,6 +74,7 @@ crate::finding_codes! {
         meaning: "an arc with neither a centre nor a radius",
         cause: "I, J, K and R are missing, or belong to axes outside the plane in force.",
         cure: "Add the centre in the words of the plane (G17: I J, G18: I K, G19: J K) or the radius R.",
+        explained_by: block("IJKR"),
         example: lathe("M3 S1000\nG2 X20 Z-5 F0.2"),
     }
 
@@ -84,6 +91,7 @@ crate::finding_codes! {
               too few decimals.",
         cure: "Check end point and centre; `arc_radius_tolerance_mm` of the profile's language says which rounding is \
               accepted.",
+        explained_by: modal("XYZUVWABCHIJKR"),
         example: mill("G2 X10 Y0 I4 J0 F100"),
     }
 
@@ -91,6 +99,7 @@ crate::finding_codes! {
         meaning: "an arc that starts or ends at its own centre",
         cause: "The centre words are zero, or are those of the end point.",
         cure: "Check the centre and the end point.",
+        explained_by: modal("XYZUVWABCHIJKR"),
         example: mill("G2 X10 Y0 I0 J0 F100"),
     }
 
@@ -98,6 +107,7 @@ crate::finding_codes! {
         meaning: "a radius that cannot reach from start to end",
         cause: "R is less than half of the distance from start to end.",
         cure: "Use the least radius that the finding names or a larger one, or check the end point.",
+        explained_by: modal("XYZUVWABCHIJKR"),
         example: mill("G2 X10 Y0 R4 F100"),
     }
 
@@ -105,6 +115,7 @@ crate::finding_codes! {
         meaning: "an arc by radius whose end is its start has no definite centre",
         cause: "A full circle was programmed with R.",
         cure: "Write a full circle with its centre (I, J, K).",
+        explained_by: modal("XYZUVWABCHIJKR"),
         example: mill("G2 X0 Y0 R5 F100"),
     }
 
@@ -127,6 +138,7 @@ crate::finding_codes! {
         meaning: "G53 without straight motion or with incremental words",
         cause: "`G53` is programmed with an arc, a spline or a thread, with U or W, or without axis words.",
         cure: "Write `G53` with G0 or G1 and absolute axis words.",
+        explained_by: block("XYZUVWABCHIJKR"),
         example: lathe("G53 G0 U5"),
     }
 
@@ -134,6 +146,7 @@ crate::finding_codes! {
         meaning: "G28 without an axis",
         cause: "The return to the reference position names no axis, so none would move.",
         cure: "Name the axes with their intermediate point, such as `G28 U0 W0`.",
+        explained_by: block("XYZUVWABCHIJKR"),
         example: lathe("G28"),
     }
 
@@ -141,6 +154,7 @@ crate::finding_codes! {
         meaning: "a spline without the words of one of its control points",
         cause: "`G5` lacks P or Q, the first of a series I and J; or the control point of `G5.1` is its start.",
         cure: "Add the missing words; in `G5.1` give a control point other than the start, or use G1.",
+        explained_by: block("XYZIJKPQ"),
         example: mill("G5 X10 Y10 I2 J2 P-2 F100"),
     }
 
@@ -155,6 +169,7 @@ crate::finding_codes! {
         meaning: "a control point of a NURBS without both of its coordinates",
         cause: "One coordinate was left out as for a line, or a weight P comes without a point after the first one.",
         cure: "Write both coordinates of every control point, also the one that does not change.",
+        explained_by: block("XYZIJKPQ"),
         example: mill("G5.2 X5 F100\nG5.3"),
     }
 
@@ -163,6 +178,7 @@ crate::finding_codes! {
         cause: "P of a control point is outside 0.000001 to 1000000; LinuxCNC takes no point without P, other controls \
                 weigh it as 1.",
         cure: "Use P1 for an ordinary control point.",
+        explained_by: block("P"),
         example: mill("G5.2 X5 Y5 P0 F100\nG5.3"),
     }
 
@@ -191,6 +207,7 @@ crate::finding_codes! {
         meaning: "G5.3 without G5.2",
         cause: "A NURBS is closed that was never opened, or that another code has ended.",
         cure: "Open it with `G5.2`, or remove `G5.3`.",
+        explained_by: modal("G"),
         example: mill("G5.3"),
     }
 

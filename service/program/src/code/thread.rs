@@ -16,6 +16,7 @@ crate::finding_codes! {
         meaning: "a thread without a lead",
         cause: "Neither the thread nor one before it has F or E; the feed of a cut is not used as a lead.",
         cure: "Add F with the travel per revolution.",
+        explained_by: modal("FEG"),
         example: lathe("M3 S500\nG32 Z-20"),
     }
 
@@ -23,6 +24,7 @@ crate::finding_codes! {
         meaning: "a thread that goes nowhere",
         cause: "It ends where it starts, or infeed along the flank and chamfer take all of its length.",
         cure: "Check the end point and the position before it, or use a shorter chamfer.",
+        explained_by: modal("XYZUVWABCHIJKR"),
         example: lathe("M3 S500\nG0 X20 Z5\nG32 X20 Z5 F1.5"),
     }
 
@@ -98,6 +100,7 @@ crate::finding_codes! {
         meaning: "a threading cycle without a word it needs",
         cause: "End point, height, first depth or the whole first line of `G76` is missing.",
         cure: "Add the missing words.",
+        explained_by: modal("PQRXZUWFIJKABDEH"),
         example: lathe("M3 S500\nG0 X30 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 F1.5"),
     }
 
@@ -113,6 +116,7 @@ crate::finding_codes! {
         meaning: "a threading cycle that starts within the thread",
         cause: "X is at or inside the crest where the cycle begins: its rapids would cut the work.",
         cure: "Move X clear of the work before the cycle.",
+        explained_by: modal("XYZUVWABCHIJKR"),
         example: lathe("M3 S500\nG0 X27 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 Q300 F1.5"),
     }
 

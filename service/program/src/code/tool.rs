@@ -8,6 +8,7 @@ crate::finding_codes! {
         meaning: "tool length compensation without the number of a tool length",
         cause: "`G43` or `G44` has no H, or H0, and no length was in force before.",
         cure: "Add H with the number of the tool, or switch the compensation off with G49.",
+        explained_by: block("H"),
         example: mill("G43 Z100"),
     }
 
@@ -52,6 +53,7 @@ crate::finding_codes! {
         meaning: "tool centre point control without the number of a tool length",
         cause: "`G43.4` or `G43.5` has no H, or `G53.6` none while no length is in force: the tool centre point is not known without a length.",
         cure: "Add H with the number of the tool, such as H1.",
+        explained_by: block("H"),
         example: mill("G43.4"),
     }
 
@@ -66,6 +68,7 @@ crate::finding_codes! {
         meaning: "thinning without tool centre point control",
         cause: "Thinning of five-axis blocks is switched on, but neither `G43.4` nor `G43.5` is in force.",
         cure: "Switch tool centre point control on first.",
+        explained_by: modal("G"),
         example: five_axis("M33"),
     }
 
@@ -82,6 +85,7 @@ crate::finding_codes! {
         cause: "After tool centre point control or a tilted plane was switched, the program has other coordinates for \
               the same place; an increment or an arc starts from there.",
         cure: "Place every axis with an absolute word of G0 or G1 first.",
+        explained_by: modal("XYZUVWABCHIJKR"),
         example: mill("G43.4 H1\nG0 X0 Y0 Z50\nG49\nG91 G0 Z10"),
     }
 
@@ -105,6 +109,7 @@ crate::finding_codes! {
         cause: "`G68.2` with a P other than 0 to 4, a wrong order Q, points on one line, vectors without length or not \
               perpendicular, or blocks of P2 or P3 in a wrong order.",
         cure: "Correct the words, or write the origin X Y Z and the Euler angles I J K, without P.",
+        explained_by: block("IJKXYZRQPABC"),
         example: mill("G68.2 P2 Q1 X0 Y0 Z0\nG68.2 P2 Q2 X10 Y0 Z0\nG68.2 P2 Q3 X20 Y0 Z0"),
     }
 
@@ -127,6 +132,7 @@ crate::finding_codes! {
         meaning: "the tool axis is to be turned onto a plane, but none is tilted",
         cause: "`G53.1` or `G53.6` comes without `G68.2`, or after `G69`.",
         cure: "Tilt the plane first, such as `G68.2 X0 Y0 Z0 I0 J30. K0`.",
+        explained_by: modal("G"),
         example: mill("G53.1"),
     }
 
@@ -134,6 +140,7 @@ crate::finding_codes! {
         meaning: "a cut in a tilted plane without the tool length about whose tip the tool axis was turned",
         cause: "`G53.6 H` turns about the tip of that tool, but switches no length on: the coordinates of the plane are those of the gauge point of the spindle, and the tip is the length deeper.",
         cure: "Switch the length on with G43 behind `G53.6`, before the tool comes near the work.",
+        explained_by: modal("HGT"),
         example: on("five-axis mill", "G68.2 X0 Y0 Z0 I0 J30. K0\nG53.6 H1\nG0 X0 Y0 Z5\nG1 Z-1 F100"),
     }
 

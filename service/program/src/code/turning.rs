@@ -9,6 +9,7 @@ crate::finding_codes! {
         cause: "The end point of a single cycle, the depth or the passes of a roughing cycle, its contour (P and Q) or the peck of a \
               groove is missing, in its block and in those before it.",
         cure: "Add the words that the finding names.",
+        explained_by: modal("UWRPQXZDIKF"),
         example: lathe("M3 S1000\nG0 X50 Z2\nG71 P10 Q20 U0.4 W0.1 F0.2\nN10 G0 X20\nN20 G1 Z-20"),
     }
 
@@ -18,6 +19,7 @@ crate::finding_codes! {
               absolute coordinates and the feed per minute. Axis words in a block behind it would be cut as the cycle; without a motion \
               code they are refused.",
         cure: "Leave the code out.",
+        explained_by: block("XZUWR"),
         example: on("lathe, language.g_code_system = G_CODE_SYSTEM_A", "M3 S1000\nG21 G90 G40\nG0 X50 Z2"),
     }
 
@@ -43,6 +45,7 @@ crate::finding_codes! {
               missing, or a block between them is no line or arc in X and Z: a call, a cycle, a stop or the end of the program.",
         cure: "Give the first and the last block of the contour numbers of their own, and put nothing but G0 to G3, G4, G96, G97, \
               feeds and speeds between them.",
+        explained_by: block("PQ"),
         example: lathe("M3 S1000\nG0 X50 Z2\nG71 U2 R1\nG71 P10 Q20 U0.4 W0.1 F0.2\nN10 G0 X20\nG1 Z-20"),
     }
 

@@ -86,6 +86,7 @@ crate::finding_codes! {
         cause: "The block that switches the function lacks a word without which it says nothing, such as X or Q of \
               `G165`.",
         cure: "Add the word to the block of the function.",
+        explained_by: block("ABCDEFGHIJKLMNOPQRSTUVWXYZ"),
         example: lathe("G165 P3 X30"),
     }
 
@@ -93,6 +94,7 @@ crate::finding_codes! {
         meaning: "a machining function whose P says neither on nor off",
         cause: "The P word is missing, or is not one of the two that the machine profile assigns.",
         cure: "Write the P that switches it on or off; as delivered `G165 P3` and `G165 P0`.",
+        explained_by: block("P"),
         example: lathe("G165 P7"),
     }
 
@@ -100,6 +102,7 @@ crate::finding_codes! {
         meaning: "a tool change before any T word: an error, and in LinuxCNC, where the spindle is left empty, a warning",
         cause: "No T word since the tool change before this `M6` (in LinuxCNC: none at all) names the next tool.",
         cure: "Write the tool number in the block of `M6` or before it.",
+        explained_by: modal("T"),
         example: mill("M6"),
     }
 
@@ -116,6 +119,7 @@ crate::finding_codes! {
         meaning: "an M code without a word that it needs, or with one out of its range",
         cause: "An output without its number or its value, a wait without its time, a spindle angle beyond 360 degrees.",
         cure: "Write the word that the finding names.",
+        explained_by: block("ABCDEFGHIJKLMNOPQRSTUVWXYZ"),
         example: on("mill, language.dialect = DIALECT_LINUXCNC", "M62"),
     }
 

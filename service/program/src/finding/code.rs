@@ -17,8 +17,33 @@ pub struct CodeEntry {
     pub cause: &'static str,
     /// What to do about it, in sentences; the finding itself has the numbers.
     pub cure: &'static str,
+    /// Words that explain it where they could not be read: it then only follows from them. Empty for most.
+    pub explained_by: &'static [Explanation],
     /// What gives it.
     pub example: Example,
+}
+
+/// Words that, where they could not be read, explain a finding about what is missing or does not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Explanation {
+    /// Words of the finding's own block only, not those of blocks before that are still in force.
+    pub in_block: bool,
+    /// Their address letters.
+    pub letters: &'static str,
+}
+
+impl Explanation {
+    /// Words of its own block.
+    #[must_use]
+    pub const fn block(letters: &'static str) -> Self {
+        Self { in_block: true, letters }
+    }
+
+    /// Words of its own block and of any block before that are still in force.
+    #[must_use]
+    pub const fn modal(letters: &'static str) -> Self {
+        Self { in_block: false, letters }
+    }
 }
 
 /// What gives a finding.
@@ -183,6 +208,7 @@ macro_rules! finding_codes {
             meaning: $meaning:literal,
             cause: $cause:literal,
             cure: $cure:literal,
+            $(explained_by: $scope:ident($letters:literal),)?
             example: $example:ident($($given:literal),+),
         })+
     ) => {
@@ -195,6 +221,7 @@ macro_rules! finding_codes {
                 meaning: $meaning,
                 cause: $cause,
                 cure: $cure,
+                explained_by: &[$($crate::Explanation::$scope($letters))?],
                 example: $crate::Example::$example($($given),+),
             }),+],
         };
