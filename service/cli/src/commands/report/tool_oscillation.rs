@@ -105,7 +105,8 @@ fn step_rows(rows: &mut Rows, section: &OscillationSectionReport) {
         ),
     );
     let finishing: Vec<String> = section.finishing_edges.iter().map(u32::to_string).collect();
-    rows.row("roles", format!("edge {} leads, edge {} finishes", section.leading_edge, finishing.join(", ")));
+    let (edges, finish) = if finishing.len() == 1 { ("edge", "finishes") } else { ("edges", "finish") };
+    rows.row("roles", format!("edge {} leads, {edges} {} {finish}", section.leading_edge, finishing.join(", ")));
     if let Some(moved) = section.roles.as_ref().and_then(moved_text) {
         rows.row("", moved);
     }

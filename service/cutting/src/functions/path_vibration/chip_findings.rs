@@ -200,11 +200,14 @@ impl Evidence {
         if closest_rev_per_min >= SPEED_MARGIN * spindle_rev_per_min {
             return;
         }
+        let share = closest_rev_per_min / spindle_rev_per_min * 100.0;
+        let within = match decimal(closest_rev_per_min, 1) {
+            none if none == "0" => "less than 0.1 rev/min".to_owned(),
+            some => format!("{some} rev/min ({} %)", decimal(share, 2)),
+        };
         let message = format!(
-            "the chip breaks in line {line} only while the spindle holds {} rev/min within {} rev/min ({} %)",
-            decimal(spindle_rev_per_min, 1),
-            decimal(closest_rev_per_min, 1),
-            decimal(closest_rev_per_min / spindle_rev_per_min * 100.0, 2)
+            "the chip breaks in line {line} only while the spindle holds {} rev/min within {within}",
+            decimal(spindle_rev_per_min, 1)
         );
         let finding = Finding::new(code::VIB_CHIP_MARGINAL, self.frequency_cure(0.0).0, message)
             .at("line", line.into())

@@ -225,7 +225,11 @@ fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
 /// Which edges lead and finish, and whether they are those meant for it.
 fn roles(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
     let names = |edges: &[u32]| edges.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
-    let message = format!("edge {} leads, edge {} finishes", report.leading_edge, names(&report.finishing_edges));
+    let finishing = match &report.finishing_edges[..] {
+        edges @ [_] => format!("edge {} finishes", names(edges)),
+        edges => format!("edges {} finish", names(edges)),
+    };
+    let message = format!("edge {} leads, {finishing}", report.leading_edge);
     findings.push(
         Finding::new(code::OSC_ROLES, job.span, message)
             .with_value("leading_edge", f64::from(report.leading_edge), "")
@@ -241,8 +245,7 @@ fn roles(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
     let edges = job.tool.edge_count();
     let shift = report.finishing_edges.first().map_or(0, |finishing| (meant[0] + edges - finishing) % edges);
     let leading = (job.leading_edge - 1 + shift) % edges + 1;
-    let message =
-        format!("edge {} finishes, but edge {} is meant for it", names(&report.finishing_edges), names(&meant));
+    let message = format!("{finishing}, but edge {} is meant for it", names(&meant));
     findings.push(
         Finding::new(code::OSC_FINISHING_EDGE, job.span, message)
             .with_value("finishing_edge", f64::from(report.finishing_edges.first().copied().unwrap_or(0)), "")
