@@ -102,9 +102,11 @@ crate::finding_codes! {
 
     "PRG-ROLL-OVER" [ROLL_OVER: Error] {
         meaning: "an angle of an axis that rolls over with two equally short turns to it, or none",
-        cause: "The angle is half a turn away, so that both directions are equally short; in LinuxCNC it is a full turn or more. Or only the \
-              machine knows where the axis is, after tool centre point control or a tilted plane has turned it.",
-        cure: "Go there in two moves, or by an incremental one; where only the machine knows the place, by its reference position first.",
+        cause: "The angle is half a turn away, so that both directions are equally short; in LinuxCNC it is a full turn or more, or a \
+              machine position (`G53`) under an offset of the axis, where LinuxCNC ends at another angle. Or only the machine knows \
+              where the axis is, after tool centre point control or a tilted plane has turned it.",
+        cure: "Go there in two moves, or by an incremental one; before `G53`, take the offset of the axis away; where only the machine \
+              knows the place, by its reference position first.",
         example: on("mill, language.coordinates.roll_over_axes = C", "G0 C0\nC180"),
     }
 }

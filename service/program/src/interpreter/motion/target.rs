@@ -5,7 +5,7 @@ use super::{Frame, set_bits};
 use crate::code;
 use crate::dialect::{Letter, letter_bit};
 use crate::state::ToolMode;
-use crate::{Axis, Finding, Position};
+use crate::{Axis, Finding, Position, SourceSpan};
 
 /// The letters in whose place polar words of LinuxCNC are.
 const PLANE_LETTERS: u32 = letter_bit(b'X') | letter_bit(b'Y');
@@ -139,6 +139,10 @@ impl Execution<'_> {
         }
         let offset = if frame == Frame::Machine { self.machine_offset()[axis.index()] } else { 0.0 };
         let present = self.state.position[axis.index()] + offset;
+        if self.table.dialect.is_linuxcnc && offset != 0.0 {
+            self.wraps_under_offset(axis, value, [present, offset], span);
+            return value;
+        }
         let turned = if self.table.dialect.is_linuxcnc {
             wrapped(present, value, self.block.slot(place).number.is_negative())
         } else {
@@ -155,6 +159,26 @@ impl Execution<'_> {
                 value
             }
         }
+    }
+
+    /// Refuses a machine position of an axis that wraps under an offset. LinuxCNC takes the direction and the turn of
+    /// such a word from the work position, so that the axis does not end at the angle of the word.
+    #[cold]
+    fn wraps_under_offset(&mut self, axis: Axis, value: f64, [present, offset]: [f64; 2], span: SourceSpan) {
+        let letter = axis.letter();
+        let message = format!(
+            "G53 {letter}{value}: {letter} wraps, and LinuxCNC does not reach this angle under an offset of {letter}"
+        );
+        let cure = format!(
+            "go there by an incremental move, in G91 and without G53, or take the offset of {letter} away before this block: \
+             that of G92 with G92.1, that of the tool with G49, that of the coordinate system with G10 L2 P0 {letter}0"
+        );
+        self.findings.push_with(code::ROLL_OVER, |code| {
+            Finding::new(code, span, message)
+                .with_value("present", present, "deg")
+                .with_value("offset", offset, "deg")
+                .suggest(cure)
+        });
     }
 }
 

@@ -189,6 +189,16 @@ fn axes_that_roll_over_go_the_shorter_way() {
     finds(&settings, "G0 C360", &["1:PRG-ROLL-OVER"]);
     // Home in the positive direction.
     assert_eq!(angles(&settings, "G91 G0 C3775\nG28 C0\nC0\nG28 C0"), [3775.0, 3960.0]);
+    // Machine positions without an offset of the axis, or after it was taken away as the cure says.
+    assert_eq!(angles(&settings, "G10 L2 P1 X80\nG53 G0 C5\nG53 G0 C-4"), [5.0, 4.0]);
+    assert_eq!(angles(&settings, "G92 C100\nG92.1\nG53 G0 C5"), [5.0]);
+    assert_eq!(angles(&settings, "G10 L2 P1 C80\nG10 L2 P0 C0\nG53 G0 C5"), [5.0]);
+    // Under one LinuxCNC ends at another angle.
+    finds(&settings, "G92 C100\nG53 G0 C-5", &["2:PRG-ROLL-OVER"]);
+    finds(&settings, "G10 L2 P1 C80\nG53 G0 C5", &["2:PRG-ROLL-OVER"]);
+    finds(&settings, "G10 L2 P1 C80\nG53 G0 X5\nG91 C5", &[]);
+    settings.coordinates.roll_over = [false; 3];
+    assert_eq!(angles(&settings, "G10 L2 P1 C80\nG53 G0 C5"), [-75.0]);
 }
 
 /// Feeds of the moves of a program, and whether they are per revolution.
