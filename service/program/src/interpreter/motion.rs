@@ -477,9 +477,8 @@ impl Execution<'_> {
 
     /// The feed along the path of a straight cut, which [`straight_length`] measures, where other axes than X, Y and Z may move.
     ///
-    /// LinuxCNC leads X, Y and Z at F, or U, V and W where these rest. FANUC controls lead all axes at it, a degree counted as a
-    /// millimetre or, in inches, an inch (B-63324EN, section 4.3): the time is √(x² + … + c²)/F. Degrees of rotary axes that turn alone
-    /// are the same in inches.
+    /// LinuxCNC leads the linear axes at F. FANUC controls lead all axes at it, a degree counted as a millimetre or, in inches, an inch
+    /// (B-63324EN, section 4.3): the time is √(x² + … + c²)/F. Degrees of rotary axes that turn alone are the same in inches.
     #[cold]
     fn feed_of_straight(&self, start: &Position, end: &Position, feed: Feed) -> Feed {
         let length = straight_length(start, end);
@@ -487,15 +486,11 @@ impl Execution<'_> {
         if length != linear {
             return self.feed_in_degrees(feed);
         }
-        let led = if self.table.dialect.is_linuxcnc {
-            match way_of(start, end, |axis| matches!(axis, Axis::X | Axis::Y | Axis::Z)) {
-                rest if rest <= LEAST_WAY_MM => length,
-                led => led,
-            }
-        } else {
-            let degrees = way_of(start, end, Axis::is_rotary) * (self.state.feed / self.state.feed_as_written);
-            (linear * linear + degrees * degrees).sqrt()
-        };
+        if self.table.dialect.is_linuxcnc {
+            return feed;
+        }
+        let degrees = way_of(start, end, Axis::is_rotary) * (self.state.feed / self.state.feed_as_written);
+        let led = (linear * linear + degrees * degrees).sqrt();
         match feed {
             Feed::PerMinute(feed) => Feed::PerMinute(feed * (length / led)),
             Feed::PerRevolution(feed) => Feed::PerRevolution(feed * (length / led)),

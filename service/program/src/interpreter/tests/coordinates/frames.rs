@@ -236,9 +236,6 @@ fn fanuc_leads_linear_and_rotary_axes_at_one_feed() {
     assert!((found[0].0 - 300.0 * share).abs() < 1e-9 && (20.0 / found[0].0 - 0.149_07).abs() < 1e-5, "{found:?}");
     assert_eq!(found[1..], [(300.0, false), (2.0, false)]);
     assert_eq!(feeds(&linuxcnc(), program), [(300.0, false), (300.0, false), (2.0, false)]);
-    // LinuxCNC leads X, Y and Z, or U, V and W.
-    let [led, other] = feeds(&linuxcnc(), "G91 G1 X3 U4 C90 F60\nU4 C90")[..] else { panic!() };
-    assert_eq!((led, other), ((100.0, false), (60.0, false)));
     // A degree counts as an inch.
     let found = feeds(&mill(), "G20 G91 G1 X3. C4. F10.");
     assert!((found[0].0 - 254.0 * 0.6).abs() < 1e-9, "{found:?}");
