@@ -69,7 +69,7 @@ pub enum TokenKind {
     NotUtf8,
     /// A run of other characters without a meaning.
     Unexpected,
-    /// What was taken out of a line to read the rest of it: a run of [`REMOVED`].
+    /// What was taken out of a line to read the rest of it: a run of `REMOVED`.
     Removed,
 }
 
