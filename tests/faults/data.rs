@@ -19,7 +19,7 @@ use feedwave_tests::{
 };
 use rustix::process::Signal;
 use sqlx::Connection as _;
-use sqlx::sqlite::SqliteConnection;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use tokio::process::Command;
 use tonic::{Code, Status};
 
@@ -44,7 +44,7 @@ fn told(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-async fn assert_exit(name: &str, folder: &Path, arguments: &[&str], code: i32, words: &str) -> String {
+pub(crate) async fn assert_exit(name: &str, folder: &Path, arguments: &[&str], code: i32, words: &str) -> String {
     let output = run(name, folder, arguments).await;
     let text = told(&output);
     assert_eq!(output.status.code(), Some(code), "{name} {arguments:?}: {text}");
@@ -53,23 +53,25 @@ async fn assert_exit(name: &str, folder: &Path, arguments: &[&str], code: i32, w
 }
 
 /// Ends a service in order and does something to its database.
-async fn damaged(server: Server, sql: &'static str) -> Home {
+pub(crate) async fn damaged(server: Server, sql: &'static str) -> Home {
     server.signal(Signal::TERM);
     let (_, home) = patiently(server.ended()).await;
     let path = home.path().join("feedwave.db");
-    let mut database = SqliteConnection::connect(&format!("sqlite://{}", path.display())).await.expect("the database");
+    // A disk does not look at references.
+    let options = SqliteConnectOptions::new().filename(path).foreign_keys(false);
+    let mut database = SqliteConnection::connect_with(&options).await.expect("the database");
     let changed = sqlx::query(sql).execute(&mut database).await.expect("it is damaged");
     assert!(changed.rows_affected() > 0, "{sql}");
     database.close().await.expect("it is closed");
     home
 }
 
-async fn jobs(clients: &mut Clients) -> Vec<Job> {
+pub(crate) async fn jobs(clients: &mut Clients) -> Vec<Job> {
     let request = ListJobsRequest { page_size: 500, ..ListJobsRequest::default() };
     clients.jobs.list_jobs(request).await.expect("the jobs are listed").into_inner().jobs
 }
 
-fn from(job: &str, index: u64) -> StreamSetpointsRequest {
+pub(crate) fn from(job: &str, index: u64) -> StreamSetpointsRequest {
     StreamSetpointsRequest {
         job: job.to_owned(),
         start: Some(Start::StartIndex(index)),
@@ -78,7 +80,7 @@ fn from(job: &str, index: u64) -> StreamSetpointsRequest {
 }
 
 /// How a stream ends.
-async fn read_all(clients: &mut Clients, request: StreamSetpointsRequest) -> Result<u64, Status> {
+pub(crate) async fn read_all(clients: &mut Clients, request: StreamSetpointsRequest) -> Result<u64, Status> {
     let mut messages = clients.setpoints.stream_setpoints(request).await?.into_inner();
     let mut count = 0;
     while messages.message().await?.is_some() {
@@ -263,12 +265,14 @@ async fn a_damaged_job_is_marked_and_lists_are_whole() {
     assert_eq!((listed.len(), &listed[0].name, &listed[0].summary), (2, &other, &None));
     let status = read_all(&mut clients, from(&other, 0)).await.unwrap_err();
     assert_eq!(status.code(), Code::DataLoss, "{status:?}");
+    assert_eq!(jobs(&mut clients).await[0].state(), JobState::Failed);
+    let third = clients.submit("G21\nG0 X12. Z1.\nM30\n").await.job.name;
     let home = damaged(server, "DELETE FROM validation_reports").await;
     let server = home.start().await;
     let mut clients = server.connect().await;
-    let status = read_all(&mut clients, from(&other, 0)).await.unwrap_err();
+    let status = read_all(&mut clients, from(&third, 0)).await.unwrap_err();
     assert_eq!(status.code(), Code::DataLoss, "a job that is ready had a report: {status:?}");
-    for name in [job, other] {
+    for name in [job, other, third] {
         clients.jobs.delete_job(DeleteJobRequest { name, ..DeleteJobRequest::default() }).await.expect("it is deleted");
     }
 }

@@ -21,6 +21,7 @@ struct control {
     int64_t clock_offset_s;
     int32_t read_errno;
     int32_t read_hangs;
+    int32_t sync_delay_ms;
 };
 
 static volatile struct control *control;
@@ -56,8 +57,9 @@ static int write_fails(int file) {
 }
 
 static int sync_fails(int file) {
-    if (!control || !(control->sync_errno || control->sync_hangs) || !of_store(file))
+    if (!control || !(control->sync_errno || control->sync_hangs || control->sync_delay_ms) || !of_store(file))
         return 0;
+    usleep(1000 * control->sync_delay_ms);
     while (control->sync_hangs)
         usleep(5000);
     if (!control->sync_errno)

@@ -88,6 +88,11 @@ impl Faults {
         self.set(28, &i32::from(hang).to_ne_bytes());
     }
 
+    /// How much longer each synchronisation with the disk takes, ms.
+    pub fn syncs_take_longer(&self, delay_ms: i32) {
+        self.set(32, &delay_ms.to_ne_bytes());
+    }
+
     /// By how much the clock is ahead, s.
     pub fn clock_ahead(&self, offset_s: i64) {
         self.set(16, &offset_s.to_ne_bytes());

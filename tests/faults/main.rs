@@ -4,10 +4,12 @@
 /// The binary that cargo built along.
 const FEEDWAVE: &str = env!("CARGO_BIN_EXE_feedwave");
 
+mod bits;
 mod clock;
 mod data;
 mod disk;
 mod library;
+mod memory_limit;
 mod methods;
 mod mixed;
 mod replicas;

@@ -60,8 +60,12 @@ impl Records {
     }
 
     pub(crate) async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
-        let detail = self.store.job_detail(id).await?;
-        if detail.job.tenant == self.tenant() { Ok(detail) } else { Err(missing(Kind::Job, id)) }
+        match self.store.job_detail(id).await {
+            Ok(detail) if detail.job.tenant == self.tenant() => Ok(detail),
+            Ok(_) => Err(missing(Kind::Job, id)),
+            // Only who may see it learns of the damage.
+            Err(error) => self.job(id).await.and(Err(error)),
+        }
     }
 
     /// See [`feedwave_store::Jobs::create_job`]; the job is the caller's.

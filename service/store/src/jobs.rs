@@ -148,7 +148,7 @@ pub struct Job {
     pub display_name: String,
     /// The program.
     pub program_id: ProgramId,
-    /// Bytes of the program's source.
+    /// Bytes of the program's source; 0 where the program is lost.
     pub program_size_bytes: u64,
     /// The machine's identifier.
     pub machine_id: String,

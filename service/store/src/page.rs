@@ -43,6 +43,8 @@ pub struct Page<T> {
     pub items: Vec<T>,
     /// Token of the following page; `None` on the last page.
     pub next_token: Option<String>,
+    /// Identifiers of the records that belong here and cannot be read: they are damaged, and keep nobody from the others.
+    pub unreachable: Vec<String>,
 }
 
 /// Longest token that is accepted; those the store makes are shorter.
@@ -119,6 +121,6 @@ impl<T> Page<T> {
         let more = items.len() > size;
         items.truncate(size);
         let next_token = if more { items.last().map(token) } else { None };
-        Self { items, next_token }
+        Self { items, next_token, unreachable: Vec::new() }
     }
 }

@@ -196,6 +196,8 @@ pub struct DecisionRecord {
     pub at_us: i64,
     /// The decision with all its inputs.
     pub body: Bytes,
+    /// Whether it is as it was written: one that is not keeps nobody from those behind it.
+    pub is_intact: bool,
 }
 
 /// Telemetry batches that never came.

@@ -17,5 +17,6 @@ pub(crate) mod record;
 pub(crate) mod retention;
 pub(crate) mod run_checkpoints;
 pub(crate) mod runs;
+pub(crate) mod seal;
 pub(crate) mod uploads;
 pub(crate) mod validations;

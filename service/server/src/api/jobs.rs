@@ -173,7 +173,7 @@ impl Api {
         let job = self.store.create_job(new).await?;
         tracing::info!(job = %job.id, program = %job.program_id, machine = %job.machine_id, "created");
         self.engine.wake();
-        Ok(CreateJobResponse { job: Some(self.detail_to_proto(&self.store.job_detail(job.id).await?)?) })
+        Ok(CreateJobResponse { job: Some(self.detail_to_proto(&self.job_detail(job.id).await?)?) })
     }
 
     /// The program that a new job is for. An inline one is not stored yet.
@@ -253,17 +253,20 @@ impl Api {
     /// As the contract says.
     pub async fn get_job(&self, request: GetJobRequest) -> Result<GetJobResponse> {
         let id = job_id("name", &request.name)?;
-        let detail = self.store.job_detail(id).await.map_err(Error::from);
-        let job = detail.and_then(|detail| self.detail_to_proto(&detail));
-        match job {
-            Ok(job) => Ok(GetJobResponse { job: Some(job) }),
-            Err(error) => {
-                // Only who may see it learns of the damage.
-                if let Err(missing @ StoreError::NotFound { .. }) = self.store.job(id).await {
-                    return Err(missing.into());
-                }
-                Err(self.engine.mark_damaged(id, error).await)
-            }
+        let detail = self.job_detail(id).await?;
+        Ok(GetJobResponse { job: Some(self.marked(id, self.detail_to_proto(&detail)).await?) })
+    }
+
+    /// A job with its documents.
+    pub(super) async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
+        self.marked(id, self.store.job_detail(id).await.map_err(Error::from)).await
+    }
+
+    /// What was read of a job, which is marked where that is damaged.
+    pub(super) async fn marked<T>(&self, id: Uuid, read: Result<T>) -> Result<T> {
+        match read {
+            Ok(read) => Ok(read),
+            Err(error) => Err(self.engine.mark_damaged(id, error).await),
         }
     }
 
@@ -285,10 +288,7 @@ impl Api {
         }
         let stored = self.store.report(id).await.map_err(Error::from);
         let report = stored.and_then(|stored| stored::from_stored::<ValidationReport>(stored.report.get()));
-        match report {
-            Ok(report) => Ok(GetReportResponse { report: Some(report) }),
-            Err(error) => Err(self.engine.mark_damaged(id, error).await),
-        }
+        Ok(GetReportResponse { report: Some(self.marked(id, report).await?) })
     }
 
     /// Lists jobs.
@@ -322,6 +322,7 @@ impl Api {
         Ok(ListJobsResponse {
             jobs: page.items.iter().map(|job| job_to_proto(job, None, &progress)).collect::<Result<_>>()?,
             next_page_token: page.next_token.unwrap_or_default(),
+            unreachable: page.unreachable.iter().map(|id| format!("jobs/{id}")).collect(),
         })
     }
 
@@ -340,7 +341,7 @@ impl Api {
             Err(error) => return Err(error.into()),
         }
         self.engine.cancel_job(id);
-        Ok(CancelJobResponse { job: Some(self.detail_to_proto(&self.store.job_detail(id).await?)?) })
+        Ok(CancelJobResponse { job: Some(self.detail_to_proto(&self.job_detail(id).await?)?) })
     }
 
     /// Deletes a job.

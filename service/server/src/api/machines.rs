@@ -99,6 +99,7 @@ impl Api {
         Ok(ListMachinesResponse {
             machines: page.items.iter().map(from_record).collect::<Result<_>>()?,
             next_page_token: page.next_token.unwrap_or_default(),
+            unreachable: page.unreachable.iter().map(|id| names::machine(id)).collect(),
         })
     }
 
@@ -111,11 +112,16 @@ impl Api {
         self.concerns(&given.name, names::parse_machine, names::machine);
         let id =
             names::parse_machine(&given.name).map_err(|error| Error::invalid("machine.name", error.to_string()))?;
-        let record = self.store.machine(id).await?;
-        let updated = mask::apply(&from_record(&record)?, &given, request.update_mask.as_ref())?;
-        let document = checked_document(Violations::default(), &updated.message)?;
+        // What is replaced as a whole may be damaged.
+        let record = match mask::replaces_everything(request.update_mask.as_ref()) {
+            true => None,
+            false => Some(self.store.machine(id).await?),
+        };
+        let stored = record.as_ref().map_or_else(|| Ok(Machine::default()), from_record)?;
+        let updated = mask::apply(&stored, &given, request.update_mask.as_ref())?;
+        let document = checked_document(Violations::default(), &updated)?;
         // What is kept was just read: it must not have changed since.
-        let expected = etag(&given.etag).or_else(|| updated.keeps_stored.then_some(record.etag.as_str()));
+        let expected = etag(&given.etag).or_else(|| record.as_ref().map(|record| record.etag.as_str()));
         let record = self.store.update_machine(id, expected, document).await?;
         let machine = from_record(&record)?;
         self.floors.put_machine(&record.id, &record.etag, &machine.display_name);

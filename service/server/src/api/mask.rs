@@ -11,21 +11,18 @@ use crate::error::{Error, Result, Violations};
 /// The path of a full replacement.
 const EVERYTHING: &str = "*";
 
-/// What an update keeps of the stored message.
-pub(super) struct Updated<M> {
-    /// The message as it is to be stored.
-    pub(super) message: M,
-    /// Whether something of the stored message is in it, which must not have changed since.
-    pub(super) keeps_stored: bool,
+/// Whether an update keeps nothing of the stored message.
+pub(super) fn replaces_everything(mask: Option<&FieldMask>) -> bool {
+    mask.is_some_and(|mask| mask.paths == [EVERYTHING])
 }
 
 /// `stored` with the fields that the mask names taken from `given`, cleared where `given` has none; without a mask or with
 /// an empty one, the fields that are populated in `given`, at any depth, lists as a whole; with `*`, all of `given`.
-pub(super) fn apply<M: Name + Default + Clone>(stored: &M, given: &M, mask: Option<&FieldMask>) -> Result<Updated<M>> {
-    let paths = mask.map_or(&[][..], |mask| &mask.paths);
-    if paths == [EVERYTHING] {
-        return Ok(Updated { message: given.clone(), keeps_stored: false });
+pub(super) fn apply<M: Name + Default + Clone>(stored: &M, given: &M, mask: Option<&FieldMask>) -> Result<M> {
+    if replaces_everything(mask) {
+        return Ok(given.clone());
     }
+    let paths = mask.map_or(&[][..], |mask| &mask.paths);
     let mut target = to_dynamic(stored);
     let source = to_dynamic(given);
     if paths.is_empty() {
@@ -38,7 +35,7 @@ pub(super) fn apply<M: Name + Default + Clone>(stored: &M, given: &M, mask: Opti
         }
     }
     violations.finish()?;
-    Ok(Updated { message: target.transcode_to().map_err(Error::internal)?, keeps_stored: true })
+    target.transcode_to().map_err(Error::internal)
 }
 
 /// Takes over every populated field: what a message does not say stays as it is.
@@ -107,7 +104,7 @@ mod tests {
 
     fn masked(paths: &[&str]) -> Result<Machine> {
         let (stored, given) = (machine(100.0, 0.1, "old"), machine(200.0, 0.2, "new"));
-        apply(&stored, &given, Some(&mask(paths))).map(|updated| updated.message)
+        apply(&stored, &given, Some(&mask(paths)))
     }
 
     #[test]
@@ -129,14 +126,13 @@ mod tests {
             let updated = apply(&stored, &given, mask.as_ref()).unwrap();
             let mut expected = stored.clone();
             expected.profile.as_mut().unwrap().vibration.as_mut().unwrap().max_frequency_hz = Some(200.0);
-            assert_eq!(updated.message, expected);
-            assert!(updated.keeps_stored);
-            assert_eq!(apply(&stored, &Machine::default(), mask.as_ref()).unwrap().message, stored);
+            assert_eq!(updated, expected);
+            assert_eq!(apply(&stored, &Machine::default(), mask.as_ref()).unwrap(), stored);
         }
         // A list is one value.
         let mut other = Machine::default();
         other.profile.get_or_insert_default().tool_oscillation = vec![condition("c")];
-        let updated = apply(&stored, &other, None).unwrap().message.profile.unwrap();
+        let updated = apply(&stored, &other, None).unwrap().profile.unwrap();
         assert_eq!(updated.tool_oscillation, [condition("c")]);
         assert_eq!(updated.vibration, stored.profile.unwrap().vibration);
     }
@@ -145,13 +141,13 @@ mod tests {
     fn everything_is_replaced_only_where_it_is_asked_for() {
         let stored = machine(100.0, 0.1, "old");
         let updated = apply(&stored, &Machine::default(), Some(&mask(&["*"]))).unwrap();
-        assert_eq!((updated.message, updated.keeps_stored), (Machine::default(), false));
+        assert_eq!(updated, Machine::default());
     }
 
     #[test]
     fn a_named_field_that_is_absent_is_cleared() {
         let mask = mask(&["profile.vibration"]);
-        let cleared = apply(&machine(1.0, 1.0, "m"), &Machine::default(), Some(&mask)).unwrap().message;
+        let cleared = apply(&machine(1.0, 1.0, "m"), &Machine::default(), Some(&mask)).unwrap();
         assert_eq!(cleared.profile.unwrap().vibration, None);
     }
 
@@ -159,7 +155,7 @@ mod tests {
     fn a_path_into_a_message_that_neither_has_changes_nothing() {
         let stored = Machine::default();
         let mask = mask(&["profile.vibration.max_frequency_hz"]);
-        assert_eq!(apply(&stored, &Machine::default(), Some(&mask)).unwrap().message, stored);
+        assert_eq!(apply(&stored, &Machine::default(), Some(&mask)).unwrap(), stored);
     }
 
     #[test]

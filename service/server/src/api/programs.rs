@@ -216,6 +216,7 @@ impl Api {
         Ok(ListProgramsResponse {
             programs: page.items.into_iter().map(program_to_proto).collect(),
             next_page_token: page.next_token.unwrap_or_default(),
+            unreachable: page.unreachable.iter().map(|id| format!("programs/{id}")).collect(),
         })
     }
 
@@ -299,7 +300,7 @@ impl Api {
                 violations.add("job", "has its machine, tools, further files and offsets: nothing else may be stated");
             }
             violations.finish()?;
-            let detail = self.store.job_detail(super::jobs::job_id("job", job)?).await?;
+            let detail = self.job_detail(super::jobs::job_id("job", job)?).await?;
             let (config, source) = (engine::job_config(&detail)?, self.engine.job_source(&detail)?);
             let program_bytes = self.store.program_info(detail.job.program_id).await?.size_bytes;
             return Ok(Given { tenant: detail.job.tenant, config, source, program_bytes });

@@ -106,7 +106,7 @@ impl Api {
         // Registered before the state is read, so that a cancellation in between is not missed.
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
-        let detail = self.store.job_detail(job).await?;
+        let detail = self.job_detail(job).await?;
         self.caller.concerns(names::job(job));
         self.caller.check_machine(&detail.job.machine_id)?;
         if detail.job.state != JobState::Ready {
@@ -219,7 +219,7 @@ impl Api {
     pub async fn replay_run(&self, request: ReplayRunRequest) -> Result<ReplayRunResponse> {
         let id = names::parse_run(&request.run).map_err(|error| Error::invalid("run", error.to_string()))?;
         let run = self.store.run(id).await?;
-        let detail = self.store.job_detail(run.job_id).await?;
+        let detail = self.job_detail(run.job_id).await?;
         let config = match run.kind {
             RunKind::Live => Some(pipeline_config(&detail, &run_settings(&run)?)?),
             RunKind::Telemetry => None,

@@ -64,8 +64,8 @@ impl Api {
     /// # Errors
     /// As the contract says.
     pub async fn get_plan_summary(&self, request: GetPlanSummaryRequest) -> Result<GetPlanSummaryResponse> {
-        let detail = self.store.job_detail(job_id("job", &request.job)?).await?;
-        let summary = plan_summary(&detail)?;
+        let detail = self.job_detail(job_id("job", &request.job)?).await?;
+        let summary = self.marked(detail.job.id, plan_summary(&detail)).await?;
         let axes = engine::job_config(&detail)?.profile.machine.axes;
         let limit_use = |axis: &feedwave_motion::MachineAxis| {
             let reached = summary.axes.iter().find(|reached| reached.axis == axis.name)?;
@@ -91,13 +91,13 @@ impl Api {
         // Registered before the state is read, so that a cancellation in between is not missed.
         let guard = self.engine.enter(id);
         let cancelled = guard.token().clone();
-        let detail = self.store.job_detail(id).await?;
+        let detail = self.job_detail(id).await?;
         let job = names::job(id);
         if detail.job.state != JobState::Ready {
             let message = format!("{job} is {}, only a ready job can be streamed", detail.job.state);
             return Err(Error::Precondition { reason: "JOB_NOT_READY", subject: job, message });
         }
-        let Checked { plan, header } = check(&request, &detail)?;
+        let Checked { plan, header } = self.marked(id, check(&request, &detail)).await?;
         tracing::info!(%job, first_index = plan.first_index, "stream");
         let setpoints = self.metrics.setpoints.clone();
         let chunks = self.engine.generate(&detail, guard, plan, deadline).await?.map(move |chunk| {

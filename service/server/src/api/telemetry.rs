@@ -161,6 +161,7 @@ impl Api {
         Ok(ListRunsResponse {
             runs: page.items.iter().map(run_to_proto).collect(),
             next_page_token: page.next_token.unwrap_or_default(),
+            unreachable: page.unreachable.iter().map(|id| format!("runs/{id}")).collect(),
         })
     }
 

@@ -154,7 +154,7 @@ impl Api {
             violations.add("start.reference_angle_deg", format!("must be a finite number, is {angle_deg}"));
         }
         violations.finish()?;
-        let detail = self.store.job_detail(id).await?;
+        let detail = self.job_detail(id).await?;
         if detail.job.state != JobState::Ready {
             let subject = names::job(id);
             let message = format!("{subject} is {}, only a ready job can be followed", detail.job.state);

@@ -71,6 +71,7 @@ impl Api {
         Ok(ListToolsResponse {
             tools: page.items.iter().map(from_record).collect::<Result<_>>()?,
             next_page_token: page.next_token.unwrap_or_default(),
+            unreachable: page.unreachable.iter().map(|id| names::tool(id)).collect(),
         })
     }
 
@@ -82,12 +83,17 @@ impl Api {
         let given = request.tool.unwrap_or_default();
         self.concerns(&given.name, names::parse_tool, names::tool);
         let id = names::parse_tool(&given.name).map_err(|error| Error::invalid("tool.name", error.to_string()))?;
-        let record = self.store.tool(id).await?;
-        let updated = mask::apply(&from_record(&record)?, &given, request.update_mask.as_ref())?;
-        let document = checked_document(Violations::default(), &updated.message)?;
+        // What is replaced as a whole may be damaged.
+        let record = match mask::replaces_everything(request.update_mask.as_ref()) {
+            true => None,
+            false => Some(self.store.tool(id).await?),
+        };
+        let stored = record.as_ref().map_or_else(|| Ok(Tool::default()), from_record)?;
+        let updated = mask::apply(&stored, &given, request.update_mask.as_ref())?;
+        let document = checked_document(Violations::default(), &updated)?;
         // What is kept was just read: it must not have changed since.
-        let expected = etag(&given.etag).or_else(|| updated.keeps_stored.then_some(record.etag.as_str()));
-        let record = self.store.update_tool(id, expected, updated.message.number, document).await?;
+        let expected = etag(&given.etag).or_else(|| record.as_ref().map(|record| record.etag.as_str()));
+        let record = self.store.update_tool(id, expected, updated.number, document).await?;
         Ok(UpdateToolResponse { tool: Some(from_record(&record)?) })
     }
 

@@ -204,7 +204,10 @@ impl Shared {
         drop(place);
         match self.clients.take(&client, Resource::Connection) {
             Ok(place) => self.serve(stream, peer, client, Some(certificate), place).await,
-            Err(error) => self.tell(stream, error).await,
+            Err(error) => {
+                let Ok(_place) = self.refusals.try_acquire() else { return };
+                self.tell(stream, error).await;
+            }
         }
     }
 

@@ -68,6 +68,13 @@ impl Floors {
                 let machine = readable(&record.id, stored::from_stored::<Machine>(record.body.get()))?;
                 self.put_machine(&record.id, &record.etag, &machine.unwrap_or_default().display_name);
             }
+            for id in &machines.unreachable {
+                // It is there, whatever it is: as it was known, otherwise by its name alone.
+                if known.remove(id).is_none() {
+                    new.insert(id.clone());
+                    self.put_machine(id, "", "");
+                }
+            }
             match machines.next_token {
                 Some(token) => page.token = token,
                 None => break,

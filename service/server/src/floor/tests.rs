@@ -165,6 +165,7 @@ fn stop_of(run: &Run) -> feedwave_store::DecisionRecord {
         proto::Decision { run: names::run(run.id), number: 3, outcome: Some(outcome), ..proto::Decision::default() };
     let body = prost::Message::encode_to_vec(&decision).into();
     feedwave_store::DecisionRecord {
+        is_intact: true,
         sequence: 1,
         run_id: run.id,
         job_id: run.job_id,

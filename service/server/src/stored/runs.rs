@@ -55,8 +55,12 @@ pub(crate) fn config_from_message(message: &proto::MonitoringConfig) -> Result<M
 /// # Errors
 /// [`Error::Damaged`] when it cannot be read.
 pub(crate) fn decision_from_record(record: &DecisionRecord) -> Result<Decision> {
-    let damaged = |error| Error::Damaged(format!("decision {} of run {}: {error}", record.number, record.run_id));
-    let mut decision = decision_from_stored(record.body.clone()).map_err(damaged)?;
+    let damaged = |why: String| Error::Damaged(format!("decision {} of run {}: {why}", record.number, record.run_id));
+    if !record.is_intact {
+        return Err(damaged("it is not as it was written".into()));
+    }
+    let read = decision_from_stored(record.body.clone());
+    let mut decision = read.map_err(|error| damaged(error.to_string()))?;
     name_decision(&mut decision, record);
     Ok(decision)
 }

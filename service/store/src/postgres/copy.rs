@@ -18,33 +18,25 @@ use crate::error::{Result, StoreError};
 use crate::maintenance::{CopyError, TableCopy};
 use crate::settings::StoreSettings;
 use crate::sql::record::Record;
+use crate::sql::seal::Kind::Text;
+use crate::sql::seal::Value;
 use crate::sqlite::{SqliteOptions, SqliteStore, maintenance};
-use tables::Kind::{self, Bytes, Integer, Real, Text};
 use tables::{OTHERS, TABLES, Table};
 
 /// Rows and bytes of one statement.
 const ROWS: usize = 500;
 const BYTES: usize = 4 << 20;
 
-/// A value of a column.
+/// A value of a column that a row no longer holds.
 #[derive(Debug, Clone, PartialEq)]
-enum Value {
+enum Owned {
     Integer(Option<i64>),
     Real(f64),
     Text(Option<String>),
     Bytes(Option<Vec<u8>>),
 }
 
-impl Value {
-    fn of(row: &impl Record, column: &str, kind: Kind) -> Result<Self> {
-        Ok(match kind {
-            Integer => Self::Integer(row.integer_option(column)?),
-            Real => Self::Real(row.real(column)?),
-            Text => Self::Text(row.text_option(column)?.map(str::to_owned)),
-            Bytes => Self::Bytes(row.bytes_option(column)?.map(<[u8]>::to_vec)),
-        })
-    }
-
+impl Owned {
     fn bytes(&self) -> usize {
         match self {
             Self::Integer(_) | Self::Real(_) => 8,
@@ -52,28 +44,21 @@ impl Value {
             Self::Bytes(bytes) => bytes.as_ref().map_or(0, Vec::len),
         }
     }
+}
 
-    /// Adds it to a hash so that no two rows of different values have the same bytes.
-    fn hash(&self, hash: &mut Sha256) {
-        let mut part = |bytes: Option<&[u8]>| match bytes {
-            Some(bytes) => {
-                hash.update([1]);
-                hash.update((bytes.len() as u64).to_le_bytes());
-                hash.update(bytes);
-            }
-            None => hash.update([0]),
-        };
-        match self {
-            Self::Integer(value) => part(value.map(i64::to_le_bytes).as_ref().map(<[u8; 8]>::as_slice)),
-            Self::Real(value) => part(Some(&value.to_bits().to_le_bytes())),
-            Self::Text(value) => part(value.as_deref().map(str::as_bytes)),
-            Self::Bytes(value) => part(value.as_deref()),
+impl From<Value<'_>> for Owned {
+    fn from(value: Value<'_>) -> Self {
+        match value {
+            Value::Integer(value) => Self::Integer(value),
+            Value::Real(value) => Self::Real(value),
+            Value::Text(value) => Self::Text(value.map(str::to_owned)),
+            Value::Bytes(value) => Self::Bytes(value.map(<[u8]>::to_vec)),
         }
     }
 }
 
 impl Table {
-    fn row(&self, row: &impl Record) -> Result<Vec<Value>> {
+    fn row<'a>(&self, row: &'a impl Record) -> Result<Vec<Value<'a>>> {
         self.columns.iter().map(|(column, kind)| Value::of(row, column, *kind)).collect()
     }
 
@@ -90,15 +75,15 @@ impl Table {
         format!("SELECT {} FROM {} ORDER BY {}", self.names(), self.name, order.collect::<Vec<_>>().join(", "))
     }
 
-    async fn insert(&self, to: &mut PgConnection, rows: Vec<Vec<Value>>) -> Result<()> {
+    async fn insert(&self, to: &mut PgConnection, rows: Vec<Vec<Owned>>) -> Result<()> {
         let mut sql = QueryBuilder::<Postgres>::new(format!("INSERT INTO {} ({}) ", self.name, self.names()));
         sql.push_values(rows, |mut row, values| {
             for value in values {
                 match value {
-                    Value::Integer(value) => row.push_bind(value),
-                    Value::Real(value) => row.push_bind(value),
-                    Value::Text(value) => row.push_bind(value),
-                    Value::Bytes(value) => row.push_bind(value),
+                    Owned::Integer(value) => row.push_bind(value),
+                    Owned::Real(value) => row.push_bind(value),
+                    Owned::Text(value) => row.push_bind(value),
+                    Owned::Bytes(value) => row.push_bind(value),
                 };
             }
         });
@@ -115,7 +100,8 @@ impl Table {
         while let Some(row) = read.try_next().await.map_err(|error| CopyError::From(error.into()))? {
             let row = self.row(&row).map_err(CopyError::From)?;
             row.iter().for_each(|value| value.hash(&mut hash));
-            bytes += row.iter().map(Value::bytes).sum::<usize>();
+            let row: Vec<_> = row.into_iter().map(Owned::from).collect();
+            bytes += row.iter().map(Owned::bytes).sum::<usize>();
             count += 1;
             rows.push(row);
             if rows.len() == ROWS || bytes >= BYTES {

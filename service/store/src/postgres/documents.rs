@@ -9,22 +9,18 @@ use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::machines::{MachineRecord, Machines};
 use crate::page::{Page, PageRequest};
-use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, collection, scope};
-use crate::sql::pages::page_of;
+use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, check_etag, collection, scope, seal};
+use crate::sql::pages::{id_token, page_of};
 use crate::tools::{ToolFilter, ToolRecord, Tools};
 
 /// A document that stays as it is until the transaction ends, if it is the one the caller read.
 async fn hold(connection: &mut PgConnection, kind: Kind, id: &str, etag: Option<&str>) -> Result<()> {
-    let row = sqlx::query("SELECT * FROM documents WHERE collection = $1 AND id = $2 FOR UPDATE")
+    let row = sqlx::query("SELECT created_us, revision FROM documents WHERE collection = $1 AND id = $2 FOR UPDATE")
         .bind(collection(kind))
         .bind(id)
         .fetch_optional(connection)
         .await?;
-    let current = Document::of(&row.ok_or_else(|| StoreError::not_found(kind, id))?)?.etag();
-    match etag {
-        Some(etag) if etag != current => Err(StoreError::EtagMismatch { kind, id: id.to_owned(), current }),
-        _ => Ok(()),
-    }
+    check_etag(&row.ok_or_else(|| StoreError::not_found(kind, id))?, kind, id, etag)
 }
 
 impl PostgresStore {
@@ -37,14 +33,15 @@ impl PostgresStore {
             let (id, body) = (id.clone(), body.clone());
             Box::pin(async move {
                 let row = sqlx::query(
-                    "INSERT INTO documents (collection, id, number, created_us, updated_us, revision, body)
-                     VALUES ($1, $2, $3, $4, $4, 1, $5) ON CONFLICT DO NOTHING RETURNING *",
+                    "INSERT INTO documents (collection, id, number, created_us, updated_us, revision, body, seal)
+                     VALUES ($1, $2, $3, $4, $4, 1, $5, $6) ON CONFLICT DO NOTHING RETURNING *",
                 )
                 .bind(collection(kind))
                 .bind(&id)
                 .bind(number.map(i64::from))
                 .bind(now_us)
                 .bind(body.get())
+                .bind(seal(kind, &id, number, &body))
                 .fetch_optional(connection)
                 .await?;
                 Document::of(&row.ok_or(StoreError::AlreadyExists { kind, id })?)
@@ -79,10 +76,9 @@ impl PostgresStore {
         .bind(size as i64 + 1)
         .bind(number.map(i64::from))
         .fetch(&mut reader);
-        let token = |last: &Document| scope.token(last.id.as_bytes());
-        let page = page_of(rows, size, Document::of, Document::bytes, token).await?;
+        let page = page_of(rows, size, Document::of, Document::bytes, id_token(&scope)).await?;
         let items = page.items.into_iter().map(record).collect::<Result<Vec<_>>>()?;
-        Ok(Page { items, next_token: page.next_token })
+        Ok(Page { items, next_token: page.next_token, unreachable: page.unreachable })
     }
 
     async fn update(
@@ -101,7 +97,7 @@ impl PostgresStore {
             Box::pin(async move {
                 hold(connection, kind, &id, etag.as_deref()).await?;
                 let row = sqlx::query(
-                    "UPDATE documents SET number = $1, body = $2, updated_us = $3, revision = revision + 1
+                    "UPDATE documents SET number = $1, body = $2, updated_us = $3, revision = revision + 1, seal = $6
                      WHERE collection = $4 AND id = $5 RETURNING *",
                 )
                 .bind(number.map(i64::from))
@@ -109,6 +105,7 @@ impl PostgresStore {
                 .bind(now_us)
                 .bind(collection(kind))
                 .bind(&id)
+                .bind(seal(kind, &id, number, &body))
                 .fetch_one(connection)
                 .await?;
                 Document::of(&row)

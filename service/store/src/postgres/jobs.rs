@@ -15,10 +15,10 @@ use crate::jobs::{
 };
 use crate::page::{Page, PageRequest};
 use crate::sql::fault::is_reference;
-use crate::sql::jobs::{PackedReport, check_new, created, detail, event, job, missing, packed, report, scope};
+use crate::sql::jobs::{PackedReport, check_new, created, detail, event, job, missing, packed, report, scope, seal};
 use crate::sql::logs::{OF_JOB, TenantLog};
-use crate::sql::pages::page_of;
-use crate::sql::record::{parsed, signed, tenant, unsigned};
+use crate::sql::pages::{page_of, sequence_token};
+use crate::sql::record::{parsed, tenant, unsigned};
 use crate::tenant::Tenant;
 
 macro_rules! job_query {
@@ -26,8 +26,8 @@ macro_rules! job_query {
         concat!(
             "SELECT j.id, j.sequence, j.request_id, j.fingerprint, j.display_name, j.program_id, p.size_bytes, j.machine_id,
                 j.state, j.state_detail, j.created_us, j.updated_us, j.revision, j.attempts, j.tenant, j.owner,
-                r.error_count, r.warning_count, r.info_count, r.summary ", $columns,
-            " FROM jobs AS j JOIN programs AS p ON p.id = j.program_id
+                j.id AS job_id, r.error_count, r.warning_count, r.info_count, r.summary, r.seal AS report_seal ", $columns,
+            " FROM jobs AS j LEFT JOIN programs AS p ON p.id = j.program_id
                 LEFT JOIN validation_reports AS r ON r.job_id = j.id ",
             $rest
         )
@@ -67,22 +67,25 @@ pub(super) async fn log(
 
 /// Writes a report in place of an earlier one.
 async fn insert_report(connection: &mut PgConnection, id: Uuid, report: &PackedReport, at_us: i64) -> Result<()> {
+    let id = id.to_string();
+    let [errors, warnings, infos] = report.counts;
     sqlx::query(
         "INSERT INTO validation_reports
-            (job_id, error_count, warning_count, info_count, created_us, summary, report_bytes, report)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8)
+            (job_id, error_count, warning_count, info_count, created_us, summary, report_bytes, report, seal)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)
          ON CONFLICT (job_id) DO UPDATE SET error_count = EXCLUDED.error_count, warning_count = EXCLUDED.warning_count,
             info_count = EXCLUDED.info_count, created_us = EXCLUDED.created_us, summary = EXCLUDED.summary,
-            report_bytes = EXCLUDED.report_bytes, report = EXCLUDED.report",
+            report_bytes = EXCLUDED.report_bytes, report = EXCLUDED.report, seal = EXCLUDED.seal",
     )
-    .bind(id.to_string())
-    .bind(signed("number of errors", report.findings.errors)?)
-    .bind(signed("number of warnings", report.findings.warnings)?)
-    .bind(signed("number of infos", report.findings.infos)?)
+    .bind(&id)
+    .bind(errors)
+    .bind(warnings)
+    .bind(infos)
     .bind(at_us)
     .bind(report.summary.as_deref())
     .bind(report.report_bytes)
     .bind(report.report.as_slice())
+    .bind(report.seal(&id))
     .execute(connection)
     .await?;
     Ok(())
@@ -120,7 +123,7 @@ impl Jobs for PostgresStore {
     }
 
     async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
-        let row = sqlx::query(job_query!(", j.machine_snapshot, j.settings", "WHERE j.id = $1"))
+        let row = sqlx::query(job_query!(", j.machine_snapshot, j.settings, j.seal", "WHERE j.id = $1"))
             .bind(id.to_string())
             .fetch_optional(&mut self.reader().await?)
             .await?
@@ -142,7 +145,7 @@ impl Jobs for PostgresStore {
         let mut reader = self.reader().await?;
         let before = scope.after_sequence(&page.token)?;
         let Some((first, last)) = bounds(&mut reader, filter).await? else {
-            return Ok(Page { items: Vec::new(), next_token: None });
+            return Ok(Page { items: Vec::new(), next_token: None, unreachable: Vec::new() });
         };
         let mut sql = QueryBuilder::<Postgres>::new(job_query!("", "WHERE j.sequence >= "));
         sql.push_bind(first).push(" AND j.sequence <= ");
@@ -164,8 +167,14 @@ impl Jobs for PostgresStore {
         }
         sql.push(" ORDER BY j.sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let rows = sql.build().fetch(&mut reader);
-        let token = |last: &Job| scope.sequence_token(last.sequence);
-        page_of(rows, size, job, |job| job.summary.as_ref().map_or(0, |summary| summary.get().len()), token).await
+        page_of(
+            rows,
+            size,
+            job,
+            |job| job.summary.as_ref().map_or(0, |summary| summary.get().len()),
+            sequence_token(&scope),
+        )
+        .await
     }
 
     async fn jobs_in_state(&self, states: &[JobState], limit: u32) -> Result<Vec<Uuid>> {
@@ -286,8 +295,9 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     let sequence = log(tx, (new.tenant, id), None, Some(state), now_us, "").await?;
     let inserted = sqlx::query(
         "INSERT INTO jobs (id, request_id, fingerprint, display_name, program_id, machine_id, state, state_detail,
-            created_us, updated_us, revision, settings, machine_snapshot, client, sequence, tenant, owner)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, '', $8, $8, 1, $9, $10, $11, $12, $13, $14)
+            created_us, updated_us, revision, settings, machine_snapshot, client, sequence, tenant, owner,
+            seal)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, '', $8, $8, 1, $9, $10, $11, $12, $13, $14, $15)
          RETURNING (SELECT size_bytes FROM programs WHERE id = program_id) AS size_bytes",
     )
     .bind(id.to_string())
@@ -304,6 +314,7 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     .bind(sequence)
     .bind(new.tenant.name())
     .bind(&new.owner)
+    .bind(seal(&new, &id.to_string()))
     .fetch_one(&mut tx.connection)
     .await;
     let row = inserted.map_err(|error| {

@@ -16,9 +16,11 @@ use crate::programs::{
 };
 use crate::sql::compress::offload;
 use crate::sql::objects::{ObjectSteps as _, Packed};
-use crate::sql::pages::page_of;
-use crate::sql::programs::{Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_source, program_entry, program_info};
-use crate::sql::record::signed;
+use crate::sql::pages::{page_of, sequence_token};
+use crate::sql::programs::{
+    Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_seal, chunk_source, program_chunk_source, program_entry,
+    program_seal, sealed_program,
+};
 use crate::sql::uploads::UploadSteps as _;
 use crate::tenant::Tenant;
 
@@ -26,14 +28,15 @@ use crate::tenant::Tenant;
 pub(super) async fn insert_chunks(connection: &mut PgConnection, content: i64, chunks: &[Chunk]) -> Result<()> {
     for chunk in chunks {
         sqlx::query(
-            "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data)
-             VALUES ($1, $2, $3, $4, $5)",
+            "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data, seal)
+             VALUES ($1, $2, $3, $4, $5, $6)",
         )
         .bind(content)
         .bind(chunk.index)
         .bind(chunk.index * CHUNK_BYTES as i64)
         .bind(chunk.source_bytes)
         .bind(chunk.data.as_slice())
+        .bind(chunk_seal(content, chunk.index, chunk.source_bytes))
         .execute(&mut *connection)
         .await?;
     }
@@ -42,16 +45,19 @@ pub(super) async fn insert_chunks(connection: &mut PgConnection, content: i64, c
 
 /// Makes a content visible as a program; the program that is there already wins, and then the result is false.
 pub(super) async fn insert_program(connection: &mut PgConnection, content: i64, info: &ProgramInfo) -> Result<bool> {
+    let (seal, size, chunks) = program_seal(info, content)?;
     let inserted = sqlx::query(
-        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, tenant) VALUES ($1, $2, $3, $4, $5, $6)
+        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, tenant, seal)
+         VALUES ($1, $2, $3, $4, $5, $6, $7)
          ON CONFLICT (id) DO NOTHING",
     )
     .bind(info.id.key())
     .bind(content)
-    .bind(signed("program size in bytes", info.size_bytes)?)
-    .bind(signed("number of chunks", info.chunk_count)?)
+    .bind(size)
+    .bind(chunks)
     .bind(info.created_us)
     .bind(info.id.tenant().name())
+    .bind(seal)
     .execute(connection)
     .await?;
     Ok(inserted.rows_affected() == 1)
@@ -63,11 +69,12 @@ pub(super) async fn insert_content(connection: &mut PgConnection) -> Result<i64>
 }
 
 pub(super) async fn find_program(executor: impl PgExecutor<'_>, id: ProgramId) -> Result<Option<ProgramInfo>> {
-    let row = sqlx::query("SELECT id, size_bytes, chunk_count, created_us FROM programs WHERE id = $1")
-        .bind(id.key())
-        .fetch_optional(executor)
-        .await?;
-    row.as_ref().map(program_info).transpose()
+    let row =
+        sqlx::query("SELECT id, content_id, size_bytes, chunk_count, created_us, seal FROM programs WHERE id = $1")
+            .bind(id.key())
+            .fetch_optional(executor)
+            .await?;
+    row.as_ref().map(sealed_program).transpose()
 }
 
 /// Number of jobs that use a program.
@@ -97,14 +104,16 @@ macro_rules! entry_query {
 impl PostgresStore {
     /// One chunk of a content, of a program or an upload.
     pub(super) async fn chunk_of(&self, content: i64, index: u64) -> Result<Option<Bytes>> {
-        let row =
-            sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = $1 AND chunk_index = $2")
-                .bind(content)
-                .bind(i64::try_from(index).unwrap_or(i64::MAX))
-                .fetch_optional(&mut self.reader().await?)
-                .await?;
+        let index = i64::try_from(index).unwrap_or(i64::MAX);
+        let row = sqlx::query(
+            "SELECT source_bytes, data, seal FROM program_chunks WHERE content_id = $1 AND chunk_index = $2",
+        )
+        .bind(content)
+        .bind(index)
+        .fetch_optional(&mut self.reader().await?)
+        .await?;
         match row {
-            Some(row) => chunk_source(&row).await.map(Some),
+            Some(row) => chunk_source(&row, (content, index)).await.map(Some),
             None => Ok(None),
         }
     }
@@ -293,8 +302,7 @@ impl Programs for PostgresStore {
         sql.push(" ORDER BY p.sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let mut reader = self.reader().await?;
         let rows = sql.build().fetch(&mut reader);
-        let token = |last: &ProgramEntry| scope.sequence_token(last.sequence);
-        page_of(rows, size, program_entry, |program| program.file_name.len(), token).await
+        page_of(rows, size, program_entry, |program| program.file_name.len(), sequence_token(&scope)).await
     }
 
     async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {
@@ -315,16 +323,18 @@ impl Programs for PostgresStore {
     }
 
     async fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> Result<Bytes> {
+        let index = i64::try_from(chunk_index).unwrap_or(i64::MAX);
         let row = sqlx::query(
-            "SELECT source_bytes, data FROM programs JOIN program_chunks USING (content_id)
-             WHERE id = $1 AND chunk_index = $2",
+            "SELECT p.content_id, p.size_bytes, p.chunk_count, p.seal AS program_seal, c.source_bytes, c.data, c.seal
+             FROM programs AS p JOIN program_chunks AS c ON c.content_id = p.content_id
+             WHERE p.id = $1 AND c.chunk_index = $2",
         )
         .bind(id.key())
-        .bind(i64::try_from(chunk_index).unwrap_or(i64::MAX))
+        .bind(index)
         .fetch_optional(&mut self.reader().await?)
         .await?;
         match row {
-            Some(row) => chunk_source(&row).await,
+            Some(row) => program_chunk_source(&row, id, index).await,
             None => {
                 let read = self.read_piece(id, chunk_index).await?;
                 read.ok_or_else(|| StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}")))

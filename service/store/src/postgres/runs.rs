@@ -25,11 +25,12 @@ use crate::runs::{
     TelemetryGap,
 };
 use crate::sql::fault::is_reference;
-use crate::sql::pages::page_of;
-use crate::sql::record::{Record as _, signed, to_json, unsigned};
+use crate::sql::pages::{page_of, sequence_token};
+use crate::sql::record::{signed, unsigned};
 use crate::sql::runs::{
     MACHINE_RUNS, Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, machine_runs, missing,
-    monitor, open_condition, open_conditions_query, pack, recorded_cut, recorded_cut_head, run, scope,
+    monitor, monitoring, monitoring_seal, open_condition, open_conditions_query, pack, recorded_cut, recorded_cut_head,
+    run, run_seal, scope,
 };
 use crate::tenant::Tenant;
 
@@ -55,7 +56,7 @@ macro_rules! run_query {
     ($rest:literal) => {
         concat!(
             "SELECT id, tenant, sequence, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
-                setpoints_sent, setpoints_digest, settings,
+                setpoints_sent, setpoints_digest, settings, seal,
                 (SELECT COUNT(*) FROM run_conditions AS c WHERE c.run_id = runs.id AND c.acknowledged_us IS NULL)
                     AS open_conditions
              FROM runs ",
@@ -114,9 +115,9 @@ async fn insert(connection: &mut PgConnection, packed: &PackedRun, now_us: i64) 
     let PackedRun { id, new, monitor_bytes, monitor } = packed;
     let inserted = sqlx::query(
         "INSERT INTO runs (id, job_id, kind, state, state_detail, created_us, updated_us, attachment,
-            setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, tenant)
+            setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, tenant, seal)
          VALUES ($1, $2, $3, 'open', '', $4, $4, 1, 0, 0, $5, $6, $7,
-            COALESCE((SELECT tenant FROM jobs WHERE id = $2), ''))",
+            COALESCE((SELECT tenant FROM jobs WHERE id = $2), ''), $8)",
     )
     .bind(id.to_string())
     .bind(new.job_id.to_string())
@@ -125,6 +126,7 @@ async fn insert(connection: &mut PgConnection, packed: &PackedRun, now_us: i64) 
     .bind(new.settings.get())
     .bind(monitor_bytes)
     .bind(monitor.as_slice())
+    .bind(run_seal(&id.to_string(), &new.job_id.to_string(), new.kind, &new.settings))
     .execute(&mut *connection)
     .await;
     if let Err(error) = inserted {
@@ -144,12 +146,14 @@ impl Runs for PostgresStore {
             let config = config.clone();
             Box::pin(async move {
                 let written = sqlx::query(
-                    "INSERT INTO monitoring (job_id, updated_us, config) VALUES ($1, $2, $3)
-                     ON CONFLICT (job_id) DO UPDATE SET updated_us = EXCLUDED.updated_us, config = EXCLUDED.config",
+                    "INSERT INTO monitoring (job_id, updated_us, config, seal) VALUES ($1, $2, $3, $4)
+                     ON CONFLICT (job_id) DO UPDATE SET updated_us = EXCLUDED.updated_us, config = EXCLUDED.config,
+                        seal = EXCLUDED.seal",
                 )
                 .bind(job_id.to_string())
                 .bind(now_us)
                 .bind(config.get())
+                .bind(monitoring_seal(&job_id.to_string(), &config))
                 .execute(connection)
                 .await;
                 match written {
@@ -163,13 +167,12 @@ impl Runs for PostgresStore {
 
     async fn monitoring(&self, job_id: Uuid) -> Result<Json> {
         let row =
-            sqlx::query("SELECT m.config FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1")
+            sqlx::query("SELECT j.id AS job_id, m.config, m.seal FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1")
                 .bind(job_id.to_string())
                 .fetch_optional(&mut self.reader().await?)
                 .await?
                 .ok_or_else(|| StoreError::not_found(Kind::Job, job_id))?;
-        let config = row.text_option("config")?.map(str::to_owned);
-        to_json(config.ok_or_else(|| StoreError::not_found(Kind::Monitoring, job_id))?, "config")
+        monitoring(&row, job_id)
     }
 
     async fn create_run(&self, new: NewRun) -> Result<AttachedRun> {
@@ -227,8 +230,7 @@ impl Runs for PostgresStore {
         sql.push(" ORDER BY sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let mut reader = self.reader().await?;
         let rows = sql.build().fetch(&mut reader);
-        let token = |last: &Run| scope.sequence_token(last.sequence);
-        page_of(rows, size, run, |run| run.settings.get().len(), token).await
+        page_of(rows, size, run, |run| run.settings.get().len(), sequence_token(&scope)).await
     }
 
     async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>> {
@@ -330,7 +332,8 @@ impl Runs for PostgresStore {
     }
 
     async fn recorded_cuts(&self, id: Uuid) -> Result<Vec<RecordedCutHead>> {
-        let sql = "SELECT number, at_us, head FROM recorded_cuts WHERE run_id = $1 ORDER BY number LIMIT $2";
+        let sql =
+            "SELECT run_id, number, at_us, head, seal FROM recorded_cuts WHERE run_id = $1 ORDER BY number LIMIT $2";
         let rows = sqlx::query(sql)
             .bind(id.to_string())
             .bind(i64::from(MAX_LISTED))

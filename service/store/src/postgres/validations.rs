@@ -29,7 +29,7 @@ impl Validations for PostgresStore {
     async fn waiting_jobs(&self, after: i64, limit: u32) -> Result<Vec<WaitingJob>> {
         let rows = sqlx::query(
             "SELECT j.id, j.sequence, j.client, j.attempts, p.size_bytes
-             FROM jobs AS j JOIN programs AS p ON p.id = j.program_id
+             FROM jobs AS j LEFT JOIN programs AS p ON p.id = j.program_id
              WHERE j.state IN ('pending_validation', 'validating') AND j.sequence > $1 ORDER BY j.sequence LIMIT $2",
         )
         .bind(after)
@@ -42,7 +42,7 @@ impl Validations for PostgresStore {
     async fn abandoned_jobs(&self, limit: u32) -> Result<Vec<WaitingJob>> {
         let rows = sqlx::query(
             "SELECT j.id, j.sequence, j.client, j.attempts, p.size_bytes
-             FROM jobs AS j JOIN programs AS p ON p.id = j.program_id
+             FROM jobs AS j LEFT JOIN programs AS p ON p.id = j.program_id
              WHERE j.state = 'validating' AND (j.lease_until_us IS NULL OR j.lease_until_us < $1)
              ORDER BY j.sequence LIMIT $2",
         )

@@ -8,9 +8,12 @@ use sha2::{Digest as _, Sha256};
 
 use super::audit::entry;
 use super::compress::{decompress, offload};
+use super::documents::Document;
+use super::jobs::program_missing;
 use super::objects::{PIECE, object_name, piece};
 use super::record::{Record, json_option, parsed, parsed_option, to_json, unsigned};
-use super::runs::decision;
+use super::runs::{change, decision, recorded_cut_head};
+use super::seal;
 use crate::error::{Result, StoreError};
 use crate::jobs::JobState;
 use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem, ReadDecision};
@@ -19,7 +22,8 @@ use crate::programs::{CHUNK_BYTES, ProgramId, ProgramKey};
 use crate::runs::{DecisionRecord, RunState};
 
 const NOTHING: &str = "nothing: it is made again when it is needed";
-const PROGRAM: &str = "the program, and with it streams of the jobs that use it; upload it again";
+const PROGRAM: &str =
+    "the program, and with it streams of the jobs that use it; delete these and it, and upload it again";
 const UPLOAD: &str = "what was received of the program; upload it again";
 const JOB: &str = "the job; create it again";
 const REPORT: &str = "the report of the job; create the job again";
@@ -137,7 +141,7 @@ impl<D: Verified> Check<D> {
     }
 
     async fn programs(&mut self) -> Result<()> {
-        for row in self.ids("program", "SELECT id, content_id, size_bytes, chunk_count FROM programs").await? {
+        for row in self.ids("program", "SELECT id, content_id, size_bytes, chunk_count, seal FROM programs").await? {
             let id = row.text("id")?.to_owned();
             let mut result = self.program(&row).await;
             let is_there = "SELECT id FROM programs WHERE id = $1";
@@ -151,6 +155,7 @@ impl<D: Verified> Check<D> {
     }
 
     async fn program(&mut self, row: &D::Row) -> Result<()> {
+        seal::PROGRAM.verify(row)?;
         let ProgramKey(expected) = parsed(row, "id")?;
         let (size, count) = (unsigned(row, "size_bytes")?, unsigned(row, "chunk_count")?);
         let (actual, bytes) = self.hash(row.integer("content_id")?, count).await?;
@@ -168,7 +173,7 @@ impl<D: Verified> Check<D> {
         let mut hash = Sha256::new();
         let mut bytes = 0;
         for index in 0..count {
-            let sql = "SELECT source_offset, source_bytes, data FROM program_chunks
+            let sql = "SELECT content_id, chunk_index, source_offset, source_bytes, data, seal FROM program_chunks
                 WHERE content_id = $1 AND chunk_index = $2";
             let place = [Parameter::Integer(content), Parameter::Integer(i64::try_from(index).unwrap_or(i64::MAX))];
             let row = self.row(sql, &place).await?;
@@ -178,6 +183,7 @@ impl<D: Verified> Check<D> {
                 hash = offload(source.len(), move || Ok(hash.chain_update(&source))).await?;
                 continue;
             };
+            seal::CHUNK.verify(&row)?;
             let size = unsigned(&row, "source_bytes")?;
             if unsigned(&row, "source_offset")? != index * CHUNK_BYTES || size > CHUNK_BYTES {
                 return Err(StoreError::corrupt(format!("chunk {index} is not where it belongs")));
@@ -249,8 +255,9 @@ impl<D: Verified> Check<D> {
     }
 
     async fn job(&mut self, id: &str) -> Result<()> {
-        let sql = "SELECT j.id, j.state, j.program_id, j.settings, j.machine_snapshot, m.config,
-                (SELECT COUNT(*) FROM validation_reports AS r WHERE r.job_id = j.id) AS reports
+        let sql = "SELECT j.*, j.id AS job_id, m.config, m.seal AS monitoring_seal,
+                (SELECT COUNT(*) FROM validation_reports AS r WHERE r.job_id = j.id) AS reports,
+                (SELECT COUNT(*) FROM programs AS p WHERE p.id = j.program_id) AS programs
              FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1";
         let Some(row) = self.row(sql, &[Parameter::Text(id)]).await? else { return Ok(()) };
         parsed::<uuid::Uuid>(&row, "id")?;
@@ -259,8 +266,13 @@ impl<D: Verified> Check<D> {
         for column in ["settings", "machine_snapshot"] {
             to_json(row.text(column)?.to_owned(), column)?;
         }
+        seal::JOB.verify(&row)?;
         if let Some(config) = row.text_option("config")? {
             to_json(config.to_owned(), "config")?;
+            seal::MONITORING.verify_by(&row, "monitoring_seal")?;
+        }
+        if row.integer("programs")? == 0 {
+            return Err(program_missing(row.text("program_id")?));
         }
         if matches!(state, JobState::Ready | JobState::Rejected) && row.integer("reports")? == 0 {
             return Err(StoreError::corrupt(format!("it is {state} and has no report")));
@@ -271,10 +283,14 @@ impl<D: Verified> Check<D> {
     async fn reports(&mut self) -> Result<()> {
         for row in self.ids("report", "SELECT job_id FROM validation_reports").await? {
             let id = row.text("job_id")?.to_owned();
-            let summary = "SELECT summary FROM validation_reports WHERE job_id = $1";
-            let summary = self.row(summary, &[Parameter::Text(&id)]).await;
-            let summary = summary.and_then(|row| row.map_or(Ok(None), |row| json_option(&row, "summary")));
-            self.note("report", &id, summary.map(drop), REPORT)?;
+            let head = "SELECT job_id, error_count, warning_count, info_count, summary, seal FROM validation_reports
+                WHERE job_id = $1";
+            let head = self.row(head, &[Parameter::Text(&id)]).await.and_then(|row| {
+                let Some(row) = row else { return Ok(()) };
+                json_option(&row, "summary")?;
+                seal::REPORT.verify(&row)
+            });
+            self.note("report", &id, head, REPORT)?;
             let sql = "SELECT report_bytes AS size_bytes, report AS packed FROM validation_reports WHERE job_id = $1";
             let result = self.packed(sql, &[Parameter::Text(&id)]).await;
             let result = result.and_then(|report| {
@@ -326,8 +342,9 @@ impl<D: Verified> Check<D> {
     }
 
     async fn recorded_cuts(&mut self) -> Result<()> {
-        for row in self.ids("recorded cut", "SELECT run_id, number FROM recorded_cuts").await? {
+        for row in self.ids("recorded cut", "SELECT run_id, number, at_us, head, seal FROM recorded_cuts").await? {
             let id = row.text("run_id")?;
+            self.note("recorded cut", format!("runs/{id}"), recorded_cut_head(&row).map(drop), RECORDED)?;
             let key = [Parameter::Text(id), Parameter::Integer(row.integer("number")?)];
             let sql = "SELECT body_bytes AS size_bytes, body AS packed FROM recorded_cuts
                 WHERE run_id = $1 AND number = $2";
@@ -338,17 +355,15 @@ impl<D: Verified> Check<D> {
     }
 
     async fn documents(&mut self) -> Result<()> {
-        for row in self.ids("document", "SELECT collection, id, body FROM documents").await? {
+        for row in self.ids("document", "SELECT * FROM documents").await? {
             let id = format!("{}s/{}", row.text("collection")?, row.text("id")?);
-            let body = row.text("body").map(str::to_owned).map_err(StoreError::from);
-            let result = body.and_then(|body| to_json(body, "body").map(drop));
-            self.note("document", id, result, DOCUMENT)?;
+            self.note("document", id, Document::of(&row).map(drop), DOCUMENT)?;
         }
         Ok(())
     }
 
     async fn runs(&mut self) -> Result<()> {
-        let sql = "SELECT id, state, settings,
+        let sql = "SELECT id, job_id, kind, state, settings, seal,
                 (SELECT COUNT(*) FROM decisions AS d WHERE d.run_id = runs.id) AS decisions,
                 (SELECT COALESCE(MAX(number) - MIN(number) + 1, 0) FROM decisions AS d WHERE d.run_id = runs.id)
                     AS decision_numbers,
@@ -367,11 +382,16 @@ impl<D: Verified> Check<D> {
     async fn run(&mut self, id: &str, row: &D::Row) -> Result<()> {
         parsed::<RunState>(row, "state")?;
         to_json(row.text("settings")?.to_owned(), "settings")?;
+        seal::RUN.verify(row)?;
         for (records, numbers) in [("decisions", "decision_numbers"), ("overrides", "override_numbers")] {
             let (there, numbered) = (unsigned(row, records)?, unsigned(row, numbers)?);
             if there != numbered {
                 return Err(StoreError::corrupt(format!("{there} of {numbered} {records} are there")));
             }
+        }
+        let changes = "SELECT * FROM run_overrides WHERE run_id = $1 ORDER BY number";
+        for row in self.database.rows(changes, &[Parameter::Text(id)]).await? {
+            change(&row)?;
         }
         let sql = "SELECT monitor_bytes AS size_bytes, monitor AS packed FROM runs WHERE id = $1";
         self.packed(sql, &[Parameter::Text(id)]).await.map(drop)
@@ -415,7 +435,8 @@ impl<D: Verified> Check<D> {
             let DecisionRecord { run_id, number, body, .. } = decision(row)?;
             read_decision(body).map_err(|reason| {
                 StoreError::corrupt(format!("the body of decision {number} of runs/{run_id} cannot be read: {reason}"))
-            })
+            })?;
+            seal::DECISION.verify(row)
         })
         .await
     }

@@ -1,6 +1,7 @@
 //! Machine profiles and tools as rows: two collections of one kind of document.
 
 use super::record::{Record, json, unsigned};
+use super::seal::DOCUMENT;
 use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::machines::MachineRecord;
@@ -38,6 +39,7 @@ impl Document {
     }
 
     pub(crate) fn of(row: &impl Record) -> Result<Self> {
+        DOCUMENT.verify(row)?;
         Ok(Self {
             id: row.text("id")?.to_owned(),
             number: row.integer_option("number")?.map(number).transpose()?,
@@ -50,8 +52,27 @@ impl Document {
 
     /// Creation time and revision: a document created anew under an old identifier has another tag.
     pub(crate) fn etag(&self) -> String {
-        format!("{:x}-{}", self.created_us, self.revision)
+        etag(self.created_us, self.revision)
     }
+}
+
+fn etag(created_us: i64, revision: u64) -> String {
+    format!("{created_us:x}-{revision}")
+}
+
+/// Refuses if a document is not the one the caller read. Its body is not looked at: one that is damaged can be put again and
+/// deleted.
+pub(crate) fn check_etag(row: &impl Record, kind: Kind, id: &str, etag: Option<&str>) -> Result<()> {
+    let current = self::etag(row.integer("created_us")?, unsigned(row, "revision")?);
+    match etag {
+        Some(etag) if etag != current => Err(StoreError::EtagMismatch { kind, id: id.to_owned(), current }),
+        _ => Ok(()),
+    }
+}
+
+/// The seal of the row of a document.
+pub(crate) fn seal(kind: Kind, id: &str, number: Option<u32>, body: &Json) -> Vec<u8> {
+    DOCUMENT.seal([collection(kind).into(), id.into(), number.map(i64::from).into(), body.get().into()])
 }
 
 impl From<Document> for MachineRecord {

@@ -4,6 +4,7 @@ use uuid::Uuid;
 
 use super::compress::{compress, decompress, offload};
 use super::record::{Record, json, json_option, parsed, parsed_option, signed, tenant, to_json, unsigned};
+use super::seal::{JOB, REPORT};
 use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::jobs::{FindingCounts, Job, JobDetail, JobEvent, JobFilter, JobState, NewJob, NewReport, StoredReport};
@@ -30,7 +31,7 @@ pub(crate) fn job(row: &impl Record) -> Result<Job> {
         request_id: request_id.to_owned(),
         display_name: row.text("display_name")?.to_owned(),
         program_id: parsed::<ProgramKey>(row, "program_id")?.0,
-        program_size_bytes: unsigned(row, "size_bytes")?,
+        program_size_bytes: program_size(row)?,
         machine_id: row.text("machine_id")?.to_owned(),
         state: parsed(row, "state")?,
         state_detail: row.text("state_detail")?.to_owned(),
@@ -43,9 +44,17 @@ pub(crate) fn job(row: &impl Record) -> Result<Job> {
     })
 }
 
+/// Size of the program of a job; 0 where its row is lost, so that the job is listed and deleted with the others.
+pub(crate) fn program_size(row: &impl Record) -> Result<u64> {
+    match row.integer_option("size_bytes")? {
+        Some(_) => unsigned(row, "size_bytes"),
+        None => Ok(0),
+    }
+}
+
 /// What the report says in short. One that is damaged is left out, so that the job is listed, read and deleted with the others.
 fn summary(row: &impl Record) -> Option<Json> {
-    json_option(row, "summary").unwrap_or_else(|error| {
+    REPORT.verify_by(row, "report_seal").and_then(|()| json_option(row, "summary")).unwrap_or_else(|error| {
         tracing::error!(%error, "the summary of a report is damaged");
         None
     })
@@ -78,7 +87,8 @@ pub(crate) fn missing(id: Uuid) -> StoreError {
 /// A report ready to be written.
 #[derive(Debug)]
 pub(crate) struct PackedReport {
-    pub(crate) findings: FindingCounts,
+    /// Numbers of errors, warnings and infos.
+    pub(crate) counts: [i64; 3],
     pub(crate) summary: Option<String>,
     pub(crate) report_bytes: i64,
     pub(crate) report: Vec<u8>,
@@ -90,12 +100,38 @@ impl PackedReport {
         let bytes = report.get().len();
         let packed = offload(bytes, move || compress(report.get().as_bytes())).await?;
         Ok(Self {
-            findings,
+            counts: [
+                signed("number of errors", findings.errors)?,
+                signed("number of warnings", findings.warnings)?,
+                signed("number of infos", findings.infos)?,
+            ],
             summary: summary.map(|summary| summary.get().to_owned()),
             report_bytes: signed("report size in bytes", bytes as u64)?,
             report: packed,
         })
     }
+}
+
+impl PackedReport {
+    /// The seal of its row.
+    pub(crate) fn seal(&self, job_id: &str) -> Vec<u8> {
+        let [errors, warnings, infos] = self.counts.map(Into::into);
+        REPORT.seal([job_id.into(), errors, warnings, infos, self.summary.as_deref().into()])
+    }
+}
+
+/// The seal of the row of a new job.
+pub(crate) fn seal(new: &NewJob, id: &str) -> Vec<u8> {
+    JOB.seal([
+        id.into(),
+        new.tenant.name().into(),
+        new.tenant.key(&new.request_id).as_str().into(),
+        new.fingerprint.as_bytes().as_slice().into(),
+        new.program_id.of_tenant(new.tenant).key().as_str().into(),
+        new.machine_id.as_str().into(),
+        new.settings.get().into(),
+        new.machine_snapshot.get().into(),
+    ])
 }
 
 /// The token scope of a job list.
@@ -143,11 +179,23 @@ pub(crate) async fn packed(
 
 /// A job with its documents.
 pub(crate) fn detail(row: &impl Record) -> Result<JobDetail> {
+    JOB.verify(row)?;
+    if row.integer_option("size_bytes")?.is_none() {
+        return Err(program_missing(row.text("program_id")?));
+    }
     Ok(JobDetail { job: job(row)?, machine_snapshot: json(row, "machine_snapshot")?, settings: json(row, "settings")? })
+}
+
+/// What is said of a job whose program is not there.
+pub(crate) fn program_missing(id: &str) -> StoreError {
+    // The key has the tenant behind it.
+    let id = id.split_once(' ').map_or(id, |(id, _)| id);
+    StoreError::corrupt(format!("programs/{id} of the job is missing"))
 }
 
 /// A report as it was stored.
 pub(crate) async fn report(row: &impl Record, id: Uuid) -> Result<StoredReport> {
+    REPORT.verify(row)?;
     let size = unsigned(row, "report_bytes")?;
     let packed = row.bytes("report")?.to_vec();
     let report = offload(packed.len(), move || {

@@ -4,8 +4,9 @@ use bytes::Bytes;
 
 use super::compress::{compress, decompress, offload};
 use super::record::{Record, parsed, signed, unsigned};
+use super::seal::{CHUNK, PROGRAM};
 use crate::error::{Kind, Result, StoreError};
-use crate::programs::{CHUNK_BYTES, ProgramEntry, ProgramInfo, ProgramKey, UploadId, UploadInfo};
+use crate::programs::{CHUNK_BYTES, ProgramEntry, ProgramId, ProgramInfo, ProgramKey, UploadId, UploadInfo};
 
 /// Chunks removed by one write: a large program is removed in pieces, so that other writes are not delayed.
 pub(crate) const REMOVED_CHUNKS: i64 = 32;
@@ -70,6 +71,24 @@ pub(crate) fn program_info(row: &impl Record) -> Result<ProgramInfo> {
     })
 }
 
+/// A program as its row has it, whose seal is compared.
+pub(crate) fn sealed_program(row: &impl Record) -> Result<ProgramInfo> {
+    PROGRAM.verify(row)?;
+    program_info(row)
+}
+
+/// The seal of the row of a program; its size and its number of chunks.
+pub(crate) fn program_seal(info: &ProgramInfo, content: i64) -> Result<(Vec<u8>, i64, i64)> {
+    let size = signed("program size in bytes", info.size_bytes)?;
+    let chunks = signed("number of chunks", info.chunk_count)?;
+    Ok((PROGRAM.seal([info.id.key().as_str().into(), content.into(), size.into(), chunks.into()]), size, chunks))
+}
+
+/// The seal of the row of a chunk.
+pub(crate) fn chunk_seal(content: i64, index: i64, source_bytes: i64) -> Vec<u8> {
+    CHUNK.seal([content.into(), index.into(), source_bytes.into()])
+}
+
 pub(crate) fn program_entry(row: &impl Record) -> Result<ProgramEntry> {
     Ok(ProgramEntry {
         info: program_info(row)?,
@@ -79,13 +98,23 @@ pub(crate) fn program_entry(row: &impl Record) -> Result<ProgramEntry> {
     })
 }
 
-pub(crate) async fn chunk_source(row: &impl Record) -> Result<Bytes> {
+/// The source of the chunk of a content that was looked up by its index.
+pub(crate) async fn chunk_source(row: &impl Record, (content, index): (i64, i64)) -> Result<Bytes> {
+    CHUNK.compare(row, "seal", [content.into(), index.into(), row.integer("source_bytes")?.into()])?;
     let size = unsigned(row, "source_bytes")?;
     let data = row.bytes("data")?.to_vec();
     if size > CHUNK_BYTES {
         return Err(StoreError::corrupt("a chunk claims to be larger than chunks are"));
     }
     offload(data.len(), move || decompress(&data, size)).await
+}
+
+/// The source of the chunk of a program that was looked up by its identifier and index.
+pub(crate) async fn program_chunk_source(row: &impl Record, id: ProgramId, index: i64) -> Result<Bytes> {
+    let content = row.integer("content_id")?;
+    let [size, chunks] = [row.integer("size_bytes")?, row.integer("chunk_count")?].map(Into::into);
+    PROGRAM.compare(row, "program_seal", [id.key().as_str().into(), content.into(), size, chunks])?;
+    chunk_source(row, (content, index)).await
 }
 
 /// Longest name of a client in bytes.

@@ -4,12 +4,14 @@ use bytes::Bytes;
 use uuid::Uuid;
 
 use super::compress::{compress, decompress, offload};
-use super::record::{Record, json, parsed, signed, tenant, unsigned};
+use super::record::{Record, json, parsed, signed, tenant, to_json, unsigned};
+use super::seal::{CHANGE, DECISION, MONITORING, RECORDED_CUT, RUN, Value};
+use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Scope, tenant_scope};
 use crate::runs::{
     Acknowledgement, DecisionRecord, MachineRuns, NewDecision, NewRecordedCut, OpenCondition, RecordedCutHead, Run,
-    RunCommit, RunCondition, RunOverride, RunSetpoints, RunState, TelemetryGap,
+    RunCommit, RunCondition, RunKind, RunOverride, RunSetpoints, RunState, TelemetryGap,
 };
 use crate::settings::StoreSettings;
 use crate::tenant::Tenant;
@@ -25,6 +27,7 @@ pub(crate) fn missing(id: Uuid) -> StoreError {
 }
 
 pub(crate) fn run(row: &impl Record) -> Result<Run> {
+    RUN.verify(row)?;
     let digest = match row.bytes_option("setpoints_digest")? {
         Some(digest) => {
             let digest = digest.try_into().map_err(|_| StoreError::corrupt("a digest has not 32 bytes"))?;
@@ -151,6 +154,50 @@ impl Packed {
     }
 }
 
+/// The seal of the row of a run.
+pub(crate) fn run_seal(id: &str, job_id: &str, kind: RunKind, settings: &Json) -> Vec<u8> {
+    RUN.seal([id.into(), job_id.into(), kind.as_str().into(), settings.get().into()])
+}
+
+/// The seal of the row of a change of the feed override.
+pub(crate) fn change_seal(run_id: &str, [number, index]: [i64; 2], change: &RunOverride) -> Vec<u8> {
+    CHANGE.seal([run_id.into(), number.into(), index.into(), Value::Real(change.ratio), change.cause.as_str().into()])
+}
+
+/// The seal of the row of a recorded cut.
+pub(crate) fn cut_seal(run_id: &str, cut: &PackedCut) -> Vec<u8> {
+    RECORDED_CUT.seal([run_id.into(), cut.number.into(), cut.head.as_slice().into()])
+}
+
+/// The seal of the row of a decision.
+pub(crate) fn decision_seal(
+    (tenant, run_id, job_id): (Tenant, &str, &str),
+    (number, decision): (i64, &NewDecision),
+    at_us: i64,
+) -> Vec<u8> {
+    DECISION.seal([
+        tenant.name().into(),
+        run_id.into(),
+        job_id.into(),
+        number.into(),
+        at_us.into(),
+        decision.action.into(),
+        decision.body.as_ref().into(),
+    ])
+}
+
+/// The seal of the row of a monitoring configuration.
+pub(crate) fn monitoring_seal(job_id: &str, config: &Json) -> Vec<u8> {
+    MONITORING.seal([job_id.into(), config.get().into()])
+}
+
+/// The monitoring configuration of a job that is there, if it has one.
+pub(crate) fn monitoring(row: &impl Record, job_id: Uuid) -> Result<Json> {
+    let config = row.text_option("config")?.ok_or_else(|| StoreError::not_found(Kind::Monitoring, job_id))?;
+    MONITORING.verify(row)?;
+    to_json(config.to_owned(), "config")
+}
+
 /// Size and compressed bytes of the state of a monitor.
 pub(crate) async fn pack(monitor: Bytes) -> Result<(i64, Vec<u8>)> {
     let bytes = signed("monitor size in bytes", monitor.len() as u64)?;
@@ -192,6 +239,7 @@ pub(crate) fn scope(tenant: Option<Tenant>, job_id: Option<Uuid>) -> Scope {
 }
 
 pub(crate) fn change(row: &impl Record) -> Result<RunOverride> {
+    CHANGE.verify(row)?;
     Ok(RunOverride {
         number: unsigned(row, "number")?,
         setpoint_index: unsigned(row, "setpoint_index")?,
@@ -205,6 +253,7 @@ pub(crate) fn gap(row: &impl Record) -> Result<TelemetryGap> {
 }
 
 pub(crate) fn recorded_cut_head(row: &impl Record) -> Result<RecordedCutHead> {
+    RECORDED_CUT.verify(row)?;
     Ok(RecordedCutHead {
         number: unsigned(row, "number")?,
         at_us: row.integer("at_us")?,
@@ -220,7 +269,12 @@ pub(crate) async fn recorded_cut(row: &impl Record) -> Result<Bytes> {
 }
 
 pub(crate) fn decision(row: &impl Record) -> Result<DecisionRecord> {
+    let is_intact = match DECISION.verify(row) {
+        Err(StoreError::Corrupt { .. }) => false,
+        verified => verified.map(|()| true)?,
+    };
     Ok(DecisionRecord {
+        is_intact,
         sequence: row.integer("sequence")?,
         run_id: parsed(row, "run_id")?,
         job_id: parsed(row, "job_id")?,

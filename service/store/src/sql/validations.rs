@@ -2,6 +2,7 @@
 
 use uuid::Uuid;
 
+use super::jobs::program_size;
 use super::record::{Record, parsed, unsigned};
 use crate::error::{Result, StoreError};
 use crate::jobs::JobState;
@@ -15,7 +16,7 @@ pub(crate) fn waiting(row: &impl Record) -> Result<WaitingJob> {
         id: parsed(row, "id")?,
         sequence: row.integer("sequence")?,
         client: row.text("client")?.to_owned(),
-        program_size_bytes: unsigned(row, "size_bytes")?,
+        program_size_bytes: program_size(row)?,
         attempts: u32::try_from(unsigned(row, "attempts")?).unwrap_or(u32::MAX),
     })
 }

@@ -9,8 +9,8 @@ use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::machines::{MachineRecord, Machines};
 use crate::page::{Page, PageRequest};
-use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, collection, scope};
-use crate::sql::pages::page_of;
+use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, check_etag, collection, scope, seal};
+use crate::sql::pages::{id_token, page_of};
 use crate::tools::{ToolFilter, ToolRecord, Tools};
 
 async fn find(connection: impl SqliteExecutor<'_>, kind: Kind, id: &str) -> Result<Document> {
@@ -23,12 +23,13 @@ async fn find(connection: impl SqliteExecutor<'_>, kind: Kind, id: &str) -> Resu
 }
 
 /// Refuses if a document is not the one the caller read.
-async fn check_etag(connection: &mut SqliteConnection, kind: Kind, id: &str, etag: Option<String>) -> Result<()> {
-    let current = find(connection, kind, id).await?.etag();
-    match etag {
-        Some(etag) if etag != current => Err(StoreError::EtagMismatch { kind, id: id.to_owned(), current }),
-        _ => Ok(()),
-    }
+async fn check(connection: &mut SqliteConnection, kind: Kind, id: &str, etag: Option<&str>) -> Result<()> {
+    let row = sqlx::query("SELECT created_us, revision FROM documents WHERE collection = ? AND id = ?")
+        .bind(collection(kind))
+        .bind(id)
+        .fetch_optional(connection)
+        .await?;
+    check_etag(&row.ok_or_else(|| StoreError::not_found(kind, id))?, kind, id, etag)
 }
 
 impl SqliteStore {
@@ -40,8 +41,8 @@ impl SqliteStore {
             Box::pin(async move {
                 let now_us = tx.now_us();
                 let row = sqlx::query(
-                    "INSERT INTO documents (collection, id, number, created_us, updated_us, revision, body)
-                     VALUES (?, ?, ?, ?, ?, 1, ?) ON CONFLICT DO NOTHING RETURNING *",
+                    "INSERT INTO documents (collection, id, number, created_us, updated_us, revision, body, seal)
+                     VALUES (?, ?, ?, ?, ?, 1, ?, ?) ON CONFLICT DO NOTHING RETURNING *",
                 )
                 .bind(collection(kind))
                 .bind(&id)
@@ -49,6 +50,7 @@ impl SqliteStore {
                 .bind(now_us)
                 .bind(now_us)
                 .bind(body.get())
+                .bind(seal(kind, &id, number, &body))
                 .fetch_optional(&mut tx.connection)
                 .await?;
                 Document::of(&row.ok_or(StoreError::AlreadyExists { kind, id })?)
@@ -79,10 +81,9 @@ impl SqliteStore {
         .bind(size as i64 + 1)
         .bind(number)
         .fetch(&mut reader);
-        let token = |last: &Document| scope.token(last.id.as_bytes());
-        let page = page_of(rows, size, Document::of, Document::bytes, token).await?;
+        let page = page_of(rows, size, Document::of, Document::bytes, id_token(&scope)).await?;
         let items = page.items.into_iter().map(record).collect::<Result<Vec<_>>>()?;
-        Ok(Page { items, next_token: page.next_token })
+        Ok(Page { items, next_token: page.next_token, unreachable: page.unreachable })
     }
 
     async fn update(
@@ -97,14 +98,15 @@ impl SqliteStore {
         let (id, etag) = (id.to_owned(), etag.map(str::to_owned));
         self.write(body.get().len(), move |tx| {
             Box::pin(async move {
-                check_etag(&mut tx.connection, kind, &id, etag).await?;
+                check(&mut tx.connection, kind, &id, etag.as_deref()).await?;
                 let now_us = tx.now_us();
                 let row = sqlx::query(
-                    "UPDATE documents SET number = ?, body = ?, updated_us = ?, revision = revision + 1
+                    "UPDATE documents SET number = ?, body = ?, seal = ?, updated_us = ?, revision = revision + 1
                      WHERE collection = ? AND id = ? RETURNING *",
                 )
                 .bind(number)
                 .bind(body.get())
+                .bind(seal(kind, &id, number, &body))
                 .bind(now_us)
                 .bind(collection(kind))
                 .bind(&id)
@@ -120,7 +122,7 @@ impl SqliteStore {
         let (id, etag) = (id.to_owned(), etag.map(str::to_owned));
         self.write(0, move |tx| {
             Box::pin(async move {
-                check_etag(&mut tx.connection, kind, &id, etag).await?;
+                check(&mut tx.connection, kind, &id, etag.as_deref()).await?;
                 sqlx::query("DELETE FROM documents WHERE collection = ? AND id = ?")
                     .bind(collection(kind))
                     .bind(&id)

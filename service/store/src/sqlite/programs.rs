@@ -17,9 +17,11 @@ use crate::programs::{
 use crate::sql::compress::offload;
 use crate::sql::fault::is_reference;
 use crate::sql::objects::{ObjectSteps as _, Packed};
-use crate::sql::pages::page_of;
-use crate::sql::programs::{Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_source, program_entry, program_info};
-use crate::sql::record::signed;
+use crate::sql::pages::{page_of, sequence_token};
+use crate::sql::programs::{
+    Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_seal, chunk_source, program_chunk_source, program_entry,
+    program_seal, sealed_program,
+};
 use crate::sql::uploads::UploadSteps as _;
 use crate::tenant::Tenant;
 
@@ -29,14 +31,16 @@ pub(super) async fn insert_chunks(connection: &mut SqliteConnection, content: i6
         return Ok(());
     }
     let mut sql = QueryBuilder::<Sqlite>::new(
-        "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data) ",
+        "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data, seal) ",
     );
     sql.push_values(chunks, |mut row, chunk| {
+        let seal = chunk_seal(content, chunk.index, chunk.source_bytes);
         row.push_bind(content)
             .push_bind(chunk.index)
             .push_bind(chunk.index * CHUNK_BYTES as i64)
             .push_bind(chunk.source_bytes)
-            .push_bind(chunk.data);
+            .push_bind(chunk.data)
+            .push_bind(seal);
     });
     sql.build().persistent(false).execute(connection).await?;
     Ok(())
@@ -44,16 +48,18 @@ pub(super) async fn insert_chunks(connection: &mut SqliteConnection, content: i6
 
 /// Makes a content visible as a program.
 pub(super) async fn insert_program(connection: &mut SqliteConnection, content: i64, info: &ProgramInfo) -> Result<()> {
+    let (seal, size, chunks) = program_seal(info, content)?;
     sqlx::query(
-        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, tenant, sequence)
-         VALUES (?, ?, ?, ?, ?, ?, (SELECT COALESCE(MAX(sequence), 0) + 1 FROM programs))",
+        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, tenant, seal, sequence)
+         VALUES (?, ?, ?, ?, ?, ?, ?, (SELECT COALESCE(MAX(sequence), 0) + 1 FROM programs))",
     )
     .bind(info.id.key())
     .bind(content)
-    .bind(signed("program size in bytes", info.size_bytes)?)
-    .bind(signed("number of chunks", info.chunk_count)?)
+    .bind(size)
+    .bind(chunks)
     .bind(info.created_us)
     .bind(info.id.tenant().name())
+    .bind(seal)
     .execute(connection)
     .await?;
     Ok(())
@@ -65,11 +71,12 @@ pub(super) async fn insert_content(connection: &mut SqliteConnection) -> Result<
 }
 
 pub(super) async fn find_program(connection: impl SqliteExecutor<'_>, id: ProgramId) -> Result<Option<ProgramInfo>> {
-    let row = sqlx::query("SELECT id, size_bytes, chunk_count, created_us FROM programs WHERE id = ?")
-        .bind(id.key())
-        .fetch_optional(connection)
-        .await?;
-    row.as_ref().map(program_info).transpose()
+    let row =
+        sqlx::query("SELECT id, content_id, size_bytes, chunk_count, created_us, seal FROM programs WHERE id = ?")
+            .bind(id.key())
+            .fetch_optional(connection)
+            .await?;
+    row.as_ref().map(sealed_program).transpose()
 }
 
 /// Number of jobs that use a program.
@@ -99,13 +106,15 @@ macro_rules! entry_query {
 impl SqliteStore {
     /// One chunk of a content, of a program or an upload.
     pub(super) async fn chunk_of(&self, content: i64, index: u64) -> Result<Option<Bytes>> {
-        let row = sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = ? AND chunk_index = ?")
-            .bind(content)
-            .bind(i64::try_from(index).unwrap_or(i64::MAX))
-            .fetch_optional(&mut self.reader().await?)
-            .await?;
+        let index = i64::try_from(index).unwrap_or(i64::MAX);
+        let row =
+            sqlx::query("SELECT source_bytes, data, seal FROM program_chunks WHERE content_id = ? AND chunk_index = ?")
+                .bind(content)
+                .bind(index)
+                .fetch_optional(&mut self.reader().await?)
+                .await?;
         match row {
-            Some(row) => chunk_source(&row).await.map(Some),
+            Some(row) => chunk_source(&row, (content, index)).await.map(Some),
             None => Ok(None),
         }
     }
@@ -261,8 +270,7 @@ impl Programs for SqliteStore {
         sql.push(" ORDER BY p.sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let mut reader = self.reader().await?;
         let rows = sql.build().fetch(&mut reader);
-        let token = |last: &ProgramEntry| scope.sequence_token(last.sequence);
-        page_of(rows, size, program_entry, |program| program.file_name.len(), token).await
+        page_of(rows, size, program_entry, |program| program.file_name.len(), sequence_token(&scope)).await
     }
 
     async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {
@@ -282,16 +290,18 @@ impl Programs for SqliteStore {
     }
 
     async fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> Result<Bytes> {
+        let index = i64::try_from(chunk_index).unwrap_or(i64::MAX);
         let row = sqlx::query(
-            "SELECT source_bytes, data FROM programs JOIN program_chunks USING (content_id)
-             WHERE id = ? AND chunk_index = ?",
+            "SELECT p.content_id, p.size_bytes, p.chunk_count, p.seal AS program_seal, c.source_bytes, c.data, c.seal
+             FROM programs AS p JOIN program_chunks AS c ON c.content_id = p.content_id
+             WHERE p.id = ? AND c.chunk_index = ?",
         )
         .bind(id.key())
-        .bind(i64::try_from(chunk_index).unwrap_or(i64::MAX))
+        .bind(index)
         .fetch_optional(&mut self.reader().await?)
         .await?;
         match row {
-            Some(row) => chunk_source(&row).await,
+            Some(row) => program_chunk_source(&row, id, index).await,
             None => {
                 let read = self.read_piece(id, chunk_index).await?;
                 read.ok_or_else(|| StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}")))

@@ -8,7 +8,7 @@ use std::ops::Range;
 use async_trait::async_trait;
 use bytes::Bytes;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection, SqliteExecutor};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection, SqliteExecutor};
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -24,11 +24,12 @@ use crate::runs::{
     TelemetryGap,
 };
 use crate::sql::fault::is_reference;
-use crate::sql::pages::page_of;
-use crate::sql::record::{signed, to_json, unsigned};
+use crate::sql::pages::{page_of, sequence_token};
+use crate::sql::record::{signed, unsigned};
 use crate::sql::runs::{
     MACHINE_RUNS, Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, machine_runs, missing,
-    monitor, open_condition, open_conditions_query, pack, recorded_cut, recorded_cut_head, run, scope,
+    monitor, monitoring, monitoring_seal, open_condition, open_conditions_query, pack, recorded_cut, recorded_cut_head,
+    run, run_seal, scope,
 };
 use crate::tenant::Tenant;
 
@@ -54,7 +55,7 @@ macro_rules! run_query {
     ($rest:literal) => {
         concat!(
             "SELECT id, tenant, sequence, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
-                setpoints_sent, setpoints_digest, settings,
+                setpoints_sent, setpoints_digest, settings, seal,
                 (SELECT COUNT(*) FROM run_conditions AS c WHERE c.run_id = runs.id AND c.acknowledged_us IS NULL)
                     AS open_conditions
              FROM runs ",
@@ -111,13 +112,15 @@ impl Runs for SqliteStore {
         self.write(config.get().len(), move |tx| {
             Box::pin(async move {
                 let now_us = tx.now_us();
-                let written =
-                    sqlx::query("INSERT OR REPLACE INTO monitoring (job_id, updated_us, config) VALUES (?, ?, ?)")
-                        .bind(job_id.to_string())
-                        .bind(now_us)
-                        .bind(config.get())
-                        .execute(&mut tx.connection)
-                        .await;
+                let written = sqlx::query(
+                    "INSERT OR REPLACE INTO monitoring (job_id, updated_us, config, seal) VALUES (?, ?, ?, ?)",
+                )
+                .bind(job_id.to_string())
+                .bind(now_us)
+                .bind(config.get())
+                .bind(monitoring_seal(&job_id.to_string(), &config))
+                .execute(&mut tx.connection)
+                .await;
                 match written {
                     Err(error) if is_reference(&error) => Err(StoreError::not_found(Kind::Job, job_id)),
                     written => Ok(written.map(drop)?),
@@ -130,13 +133,12 @@ impl Runs for SqliteStore {
     async fn monitoring(&self, job_id: Uuid) -> Result<Json> {
         let mut reader = self.reader().await?;
         let row =
-            sqlx::query("SELECT m.config FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = ?")
+            sqlx::query("SELECT j.id AS job_id, m.config, m.seal FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = ?")
                 .bind(job_id.to_string())
                 .fetch_optional(&mut reader)
                 .await?
                 .ok_or_else(|| StoreError::not_found(Kind::Job, job_id))?;
-        let config: Option<String> = row.try_get("config")?;
-        to_json(config.ok_or_else(|| StoreError::not_found(Kind::Monitoring, job_id))?, "config")
+        monitoring(&row, job_id)
     }
 
     async fn create_run(&self, new: NewRun) -> Result<AttachedRun> {
@@ -151,10 +153,11 @@ impl Runs for SqliteStore {
                 let now_us = tx.now_us();
                 let inserted = sqlx::query(
                     "INSERT INTO runs (id, job_id, kind, state, state_detail, created_us, updated_us, attachment,
-                        setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, sequence, tenant)
+                        setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, sequence, tenant,
+                        seal)
                      VALUES (?1, ?2, ?3, 'open', '', ?4, ?5, 1, 0, 0, ?6, ?7, ?8,
                         (SELECT COALESCE(MAX(sequence), 0) + 1 FROM runs),
-                        COALESCE((SELECT tenant FROM jobs WHERE id = ?2), ''))",
+                        COALESCE((SELECT tenant FROM jobs WHERE id = ?2), ''), ?9)",
                 )
                 .bind(id.to_string())
                 .bind(job_id.to_string())
@@ -164,6 +167,7 @@ impl Runs for SqliteStore {
                 .bind(settings.get())
                 .bind(monitor_bytes)
                 .bind(packed)
+                .bind(run_seal(&id.to_string(), &job_id.to_string(), kind, &settings))
                 .execute(&mut tx.connection)
                 .await;
                 if let Err(error) = inserted {
@@ -217,8 +221,7 @@ impl Runs for SqliteStore {
         sql.push(" ORDER BY sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let mut reader = self.reader().await?;
         let rows = sql.build().fetch(&mut reader);
-        let token = |last: &Run| scope.sequence_token(last.sequence);
-        page_of(rows, size, run, |run| run.settings.get().len(), token).await
+        page_of(rows, size, run, |run| run.settings.get().len(), sequence_token(&scope)).await
     }
 
     async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>> {
@@ -347,7 +350,8 @@ impl Runs for SqliteStore {
     }
 
     async fn recorded_cuts(&self, id: Uuid) -> Result<Vec<RecordedCutHead>> {
-        let sql = "SELECT number, at_us, head FROM recorded_cuts WHERE run_id = ? ORDER BY number LIMIT ?";
+        let sql =
+            "SELECT run_id, number, at_us, head, seal FROM recorded_cuts WHERE run_id = ? ORDER BY number LIMIT ?";
         let rows = sqlx::query(sql).bind(id.to_string()).bind(MAX_LISTED).fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(recorded_cut_head).collect()
     }

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use tokio::sync::oneshot;
 
 use super::{SqliteOptions, SqliteStore, checkpointer};
-use crate::{Database, Kind, Machines, Observer, RawValue, StoreError, StoreSettings};
+use crate::{Database, Kind, Machines, Observer, PageRequest, RawValue, StoreError, StoreSettings};
 
 async fn store(settings: StoreSettings) -> (TempDir, SqliteStore) {
     let folder = TempDir::new().unwrap();
@@ -93,17 +93,17 @@ async fn lists_are_read_by_index() {
     let mut reader = store.reader().await.unwrap();
     for (sql, index) in [
         (
-            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j LEFT JOIN programs AS p ON p.id = j.program_id
              WHERE j.sequence >= 1 AND j.sequence <= 9 ORDER BY j.sequence DESC LIMIT 5",
             "jobs_by_sequence",
         ),
         (
-            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j LEFT JOIN programs AS p ON p.id = j.program_id
              WHERE j.state IN ('ready') AND j.sequence <= 9 ORDER BY j.sequence DESC LIMIT 5",
             "jobs_by_state",
         ),
         (
-            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j LEFT JOIN programs AS p ON p.id = j.program_id
              WHERE j.machine_id = 'm' AND +j.created_us < 7 AND j.sequence <= 9 ORDER BY j.sequence DESC LIMIT 5",
             "jobs_by_machine",
         ),
@@ -303,4 +303,49 @@ async fn a_disk_that_is_slow_again_and_again_is_not_taken_for_a_fast_one_in_betw
     late(store.probe(short).await);
     second.send(()).unwrap();
     store.probe(Duration::from_secs(60)).await.unwrap();
+}
+
+#[tokio::test]
+async fn damaged_records_are_named_and_every_other_one_is_listed() {
+    let (_folder, store) = store(StoreSettings::default()).await;
+    let ids: Vec<_> = (0..7).map(|number| format!("m{number}")).collect();
+    for id in &ids {
+        let body = RawValue::from_string("{\"displayName\":\"1\"}".to_owned()).unwrap();
+        store.create_machine(Some(id), body).await.unwrap();
+    }
+    store
+        .write(0, |tx| {
+            Box::pin(async {
+                let sql = "UPDATE documents SET body = REPLACE(body, '1', '3') WHERE id IN ('m1', 'm2', 'm3', 'm6')";
+                sqlx::query(sql).execute(&mut tx.connection).await?;
+                Ok(())
+            })
+        })
+        .await
+        .unwrap();
+    for size in 1..9 {
+        let (mut read, mut unreachable, mut token) = (Vec::new(), Vec::new(), String::new());
+        loop {
+            let page = store.list_machines(&PageRequest { size, token }).await.unwrap();
+            assert!(page.items.len() + page.unreachable.len() <= size as usize);
+            read.extend(page.items.into_iter().map(|machine| machine.id));
+            unreachable.extend(page.unreachable);
+            match page.next_token {
+                Some(next) => token = next,
+                None => break,
+            }
+        }
+        assert_eq!((read, unreachable), (names(&["m0", "m4", "m5"]), names(&["m1", "m2", "m3", "m6"])), "{size}");
+    }
+    // What it was does not matter to who puts it again.
+    let body = RawValue::from_string("{}".to_owned()).unwrap();
+    let refused = store.machine("m1").await.unwrap_err().to_string();
+    assert!(refused.contains("seal"), "{refused}");
+    store.update_machine("m1", None, body).await.unwrap();
+    assert_eq!(store.machine("m1").await.unwrap().body.get(), "{}");
+    store.delete_machine("m2", None).await.unwrap();
+}
+
+fn names(names: &[&str]) -> Vec<String> {
+    names.iter().map(|&name| name.to_owned()).collect()
 }

@@ -20,7 +20,7 @@ impl Validations for SqliteStore {
     async fn waiting_jobs(&self, after: i64, limit: u32) -> Result<Vec<WaitingJob>> {
         let rows = sqlx::query(
             "SELECT j.id, j.sequence, j.client, j.attempts, p.size_bytes
-             FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+             FROM jobs AS j LEFT JOIN programs AS p ON p.id = j.program_id
              WHERE j.state IN ('pending_validation', 'validating') AND j.sequence > ? ORDER BY j.sequence LIMIT ?",
         )
         .bind(after)

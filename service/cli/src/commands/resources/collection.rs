@@ -8,7 +8,7 @@ use tonic::{Code, Status};
 use super::{full_name, refused};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
-use crate::commands::terminal::{print, print_json};
+use crate::commands::terminal::{print, print_json, tell};
 use crate::commands::validate::Format;
 
 /// Resources asked for at a time.
@@ -56,8 +56,14 @@ struct Output {
     format: Format,
 }
 
-/// Resources with their names, and the token of the next page, which is empty after the last one.
-pub(super) type Page<R> = (Vec<R>, String);
+/// A page of a list.
+pub(super) struct Page<R> {
+    pub(super) resources: Vec<R>,
+    /// Token of the next page; empty after the last one.
+    pub(super) next: String,
+    /// Names of those that belong here and are damaged in the store.
+    pub(super) unreachable: Vec<String>,
+}
 
 /// A collection of the service.
 pub(super) trait Collection {
@@ -141,8 +147,11 @@ pub(super) async fn each_page<C: Collection>(
     let mut page_token = String::new();
     loop {
         let page = collection.page(client, page_token).await;
-        let (resources, next) = page.map_err(|status| refused(client, &status))?;
+        let Page { resources, next, unreachable } = page.map_err(|status| refused(client, &status))?;
         shown(resources)?;
+        for name in unreachable {
+            tell(&format!("{name}: is damaged in the store, `feedwave check` there says what is lost\n"));
+        }
         if next.is_empty() {
             return Ok(());
         }

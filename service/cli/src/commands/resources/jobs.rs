@@ -142,7 +142,7 @@ impl Collection for Jobs {
     async fn page(&self, client: &Client, page_token: String) -> Result<Page<Job>, Status> {
         let request = ListJobsRequest { page_token, ..self.filter.clone() };
         let page = client.jobs.clone().list_jobs(request).await?.into_inner();
-        Ok((page.jobs, page.next_page_token))
+        Ok(Page { resources: page.jobs, next: page.next_page_token, unreachable: page.unreachable })
     }
 
     async fn delete(&self, client: &Client, name: String, etag: String) -> Result<(), Status> {

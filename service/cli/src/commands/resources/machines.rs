@@ -106,7 +106,7 @@ impl Collection for Machines {
     async fn page(&self, client: &Client, page_token: String) -> Result<Page<Machine>, Status> {
         let request = ListMachinesRequest { page_size: PAGE, page_token };
         let page = client.machines().list_machines(request).await?.into_inner();
-        Ok((page.machines, page.next_page_token))
+        Ok(Page { resources: page.machines, next: page.next_page_token, unreachable: page.unreachable })
     }
 
     async fn delete(&self, client: &Client, name: String, etag: String) -> Result<(), Status> {

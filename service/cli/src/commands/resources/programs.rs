@@ -126,7 +126,7 @@ impl Collection for Programs {
     async fn page(&self, client: &Client, page_token: String) -> Result<Page<Program>, Status> {
         let request = ListProgramsRequest { page_size: PAGE, page_token, file_name: self.file_name.clone() };
         let page = client.programs().list_programs(request).await?.into_inner();
-        Ok((page.programs, page.next_page_token))
+        Ok(Page { resources: page.programs, next: page.next_page_token, unreachable: page.unreachable })
     }
 
     async fn delete(&self, client: &Client, name: String, _etag: String) -> Result<(), Status> {

@@ -102,7 +102,7 @@ impl Collection for Tools {
 
     async fn page(&self, client: &Client, page_token: String) -> Result<Page<Tool>, Status> {
         let page = client.tools().list_tools(ListToolsRequest { page_size: PAGE, page_token }).await?.into_inner();
-        Ok((page.tools, page.next_page_token))
+        Ok(Page { resources: page.tools, next: page.next_page_token, unreachable: page.unreachable })
     }
 
     async fn delete(&self, client: &Client, name: String, etag: String) -> Result<(), Status> {

@@ -9,6 +9,7 @@ use crate::maintenance::{CopyError, TableCopy};
 use crate::objects::{ObjectName, Objects, Piece};
 use crate::programs::CHUNK_BYTES;
 use crate::sql::objects::{object_name, piece};
+use crate::sql::programs::chunk_seal;
 use crate::sql::record::Record as _;
 
 /// Pieces of which no chunk is in the file as well.
@@ -46,14 +47,15 @@ fn found(row: &sqlx::sqlite::SqliteRow) -> Result<(ObjectName, i64, Piece)> {
 
 async fn insert(to: &mut PgConnection, content: i64, piece: &Piece, packed: &[u8]) -> Result<()> {
     sqlx::query(
-        "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data)
-         VALUES ($1, $2, $3, $4, $5)",
+        "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data, seal)
+         VALUES ($1, $2, $3, $4, $5, $6)",
     )
     .bind(content)
     .bind(piece.index)
     .bind(piece.index * CHUNK_BYTES as i64)
     .bind(piece.source_bytes)
     .bind(packed)
+    .bind(chunk_seal(content, piece.index, piece.source_bytes))
     .execute(to)
     .await?;
     Ok(())

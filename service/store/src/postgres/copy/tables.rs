@@ -1,15 +1,6 @@
 //! The tables of a store with their columns.
 
-/// What a column holds; all but keys may be null.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    Integer,
-    Real,
-    Text,
-    Bytes,
-}
-
-use Kind::{Bytes, Integer, Real, Text};
+use crate::sql::seal::Kind::{self, Bytes, Integer, Real, Text};
 
 /// A table with its columns, the first of which are its key.
 pub(super) struct Table {
@@ -30,6 +21,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("source_offset", Integer),
             ("source_bytes", Integer),
             ("data", Bytes),
+            ("seal", Bytes),
         ],
     },
     Table {
@@ -44,6 +36,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("file_name", Text),
             ("sequence", Integer),
             ("tenant", Text),
+            ("seal", Bytes),
         ],
     },
     Table {
@@ -87,6 +80,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("machine_snapshot", Text),
             ("tenant", Text),
             ("owner", Text),
+            ("seal", Bytes),
         ],
     },
     Table { name: "job_programs", keys: 2, columns: &[("job_id", Text), ("program_id", Text)] },
@@ -102,6 +96,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("summary", Text),
             ("report_bytes", Integer),
             ("report", Bytes),
+            ("seal", Bytes),
         ],
     },
     Table {
@@ -141,9 +136,14 @@ pub(super) const TABLES: [Table; 21] = [
             ("updated_us", Integer),
             ("revision", Integer),
             ("body", Text),
+            ("seal", Bytes),
         ],
     },
-    Table { name: "monitoring", keys: 1, columns: &[("job_id", Text), ("updated_us", Integer), ("config", Text)] },
+    Table {
+        name: "monitoring",
+        keys: 1,
+        columns: &[("job_id", Text), ("updated_us", Integer), ("config", Text), ("seal", Bytes)],
+    },
     Table {
         name: "runs",
         keys: 1,
@@ -165,6 +165,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("monitor_bytes", Integer),
             ("monitor", Bytes),
             ("tenant", Text),
+            ("seal", Bytes),
         ],
     },
     Table {
@@ -184,6 +185,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("action", Text),
             ("body", Bytes),
             ("tenant", Text),
+            ("seal", Bytes),
         ],
     },
     Table {
@@ -195,6 +197,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("setpoint_index", Integer),
             ("ratio", Real),
             ("cause", Text),
+            ("seal", Bytes),
         ],
     },
     Table {
@@ -233,6 +236,7 @@ pub(super) const TABLES: [Table; 21] = [
             ("head", Bytes),
             ("body_bytes", Integer),
             ("body", Bytes),
+            ("seal", Bytes),
         ],
     },
     Table {

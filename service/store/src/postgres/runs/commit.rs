@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::postgres::lane::{Log, Transaction};
 use crate::runs::{DecisionRecord, NewDecision, RunOverride, RunState};
 use crate::sql::record::{parsed, tenant};
-use crate::sql::runs::{Packed, PackedCut, raised};
+use crate::sql::runs::{Packed, PackedCut, change_seal, cut_seal, decision_seal, raised};
 use crate::tenant::Tenant;
 
 /// Writes a commit to a run that is open and attached so; the records of its decisions.
@@ -62,6 +62,7 @@ pub(super) async fn write(
             number: *number,
             at_us,
             body: body.clone(),
+            is_intact: true,
         });
     }
     Ok(records)
@@ -83,19 +84,24 @@ async fn insert_overrides(tx: &mut Transaction, run_id: &str, overrides: &[([i64
     if overrides.is_empty() {
         return Ok(());
     }
-    let mut sql =
-        QueryBuilder::<Postgres>::new("INSERT INTO run_overrides (run_id, number, setpoint_index, ratio, cause) ");
-    sql.push_values(overrides, |mut row, ([number, index], change)| {
+    let mut sql = QueryBuilder::<Postgres>::new(
+        "INSERT INTO run_overrides (run_id, number, setpoint_index, ratio, cause, seal) ",
+    );
+    sql.push_values(overrides, |mut row, (numbers, change)| {
+        let [number, index] = *numbers;
         row.push_bind(run_id).push_bind(number).push_bind(index).push_bind(change.ratio).push_bind(&change.cause);
+        row.push_bind(change_seal(run_id, *numbers, change));
     });
     sql.build().persistent(false).execute(&mut tx.connection).await?;
     Ok(())
 }
 
 async fn insert_recorded_cuts(tx: &mut Transaction, run_id: &str, cuts: &[PackedCut], at_us: i64) -> Result<()> {
-    for PackedCut { number, head, body_bytes, body } in cuts {
+    for cut in cuts {
+        let PackedCut { number, head, body_bytes, body } = cut;
         sqlx::query(
-            "INSERT INTO recorded_cuts (run_id, number, at_us, head, body_bytes, body) VALUES ($1, $2, $3, $4, $5, $6)",
+            "INSERT INTO recorded_cuts (run_id, number, at_us, head, body_bytes, body, seal)
+             VALUES ($1, $2, $3, $4, $5, $6, $7)",
         )
         .bind(run_id)
         .bind(number)
@@ -103,6 +109,7 @@ async fn insert_recorded_cuts(tx: &mut Transaction, run_id: &str, cuts: &[Packed
         .bind(head.as_slice())
         .bind(body_bytes)
         .bind(body.as_slice())
+        .bind(cut_seal(run_id, cut))
         .execute(&mut tx.connection)
         .await?;
     }
@@ -118,19 +125,22 @@ async fn insert_decision(
     at_us: i64,
 ) -> Result<i64> {
     let run_id = id.to_string();
+    let job = job_id.to_string();
+    let seal = decision_seal((tenant, &run_id, &job), (number, decision), at_us);
     let sequence = tx.next(Log::Decision).await?;
     sqlx::query(
-        "INSERT INTO decisions (sequence, tenant, run_id, job_id, number, at_us, action, body)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
+        "INSERT INTO decisions (sequence, tenant, run_id, job_id, number, at_us, action, body, seal)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
     )
     .bind(sequence)
     .bind(tenant.name())
     .bind(&run_id)
-    .bind(job_id.to_string())
+    .bind(job)
     .bind(number)
     .bind(at_us)
     .bind(decision.action)
     .bind(decision.body.as_ref())
+    .bind(seal)
     .execute(&mut tx.connection)
     .await?;
     if decision.raises_condition {

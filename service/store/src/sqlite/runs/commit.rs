@@ -7,7 +7,7 @@ use super::{refusal, tell};
 use crate::error::Result;
 use crate::runs::{DecisionRecord, NewDecision, RunOverride, RunState};
 use crate::sql::record::{parsed, tenant};
-use crate::sql::runs::{Packed, PackedCut, raised};
+use crate::sql::runs::{Packed, PackedCut, change_seal, cut_seal, decision_seal, raised};
 use crate::sqlite::writer::Transaction;
 use crate::tenant::Tenant;
 
@@ -55,7 +55,8 @@ pub(super) async fn write(
     for (number, decision) in packed.decisions {
         let sequence = insert_decision(tx, id, of, (number, &decision), at_us).await?;
         let NewDecision { number, body, .. } = decision;
-        records.push(DecisionRecord { sequence, run_id: id, job_id: of.1, tenant: of.0, number, at_us, body });
+        let (job_id, tenant) = (of.1, of.0);
+        records.push(DecisionRecord { sequence, run_id: id, job_id, tenant, number, at_us, body, is_intact: true });
     }
     Ok(records)
 }
@@ -77,19 +78,23 @@ async fn insert_overrides(tx: &mut Transaction, run_id: &str, overrides: Vec<([i
         return Ok(());
     }
     let mut sql =
-        QueryBuilder::<Sqlite>::new("INSERT INTO run_overrides (run_id, number, setpoint_index, ratio, cause) ");
-    sql.push_values(overrides, |mut row, ([number, index], change)| {
+        QueryBuilder::<Sqlite>::new("INSERT INTO run_overrides (run_id, number, setpoint_index, ratio, cause, seal) ");
+    sql.push_values(overrides, |mut row, (numbers, change)| {
+        let [number, index] = numbers;
+        let seal = change_seal(run_id, numbers, &change);
         row.push_bind(run_id.to_owned()).push_bind(number).push_bind(index).push_bind(change.ratio);
-        row.push_bind(change.cause);
+        row.push_bind(change.cause).push_bind(seal);
     });
     sql.build().persistent(false).execute(&mut tx.connection).await?;
     Ok(())
 }
 
 async fn insert_recorded_cuts(tx: &mut Transaction, run_id: &str, cuts: Vec<PackedCut>, at_us: i64) -> Result<()> {
-    for PackedCut { number, head, body_bytes, body } in cuts {
+    for cut in cuts {
+        let seal = cut_seal(run_id, &cut);
+        let PackedCut { number, head, body_bytes, body } = cut;
         sqlx::query(
-            "INSERT INTO recorded_cuts (run_id, number, at_us, head, body_bytes, body) VALUES (?, ?, ?, ?, ?, ?)",
+            "INSERT INTO recorded_cuts (run_id, number, at_us, head, body_bytes, body, seal) VALUES (?, ?, ?, ?, ?, ?, ?)",
         )
         .bind(run_id)
         .bind(number)
@@ -97,6 +102,7 @@ async fn insert_recorded_cuts(tx: &mut Transaction, run_id: &str, cuts: Vec<Pack
         .bind(head)
         .bind(body_bytes)
         .bind(body)
+        .bind(seal)
         .execute(&mut tx.connection)
         .await?;
     }
@@ -112,16 +118,20 @@ async fn insert_decision(
     at_us: i64,
 ) -> Result<i64> {
     let run_id = id.to_string();
+    let job = job_id.to_string();
+    let seal = decision_seal((tenant, &run_id, &job), (number, decision), at_us);
     let sequence = sqlx::query(
-        "INSERT INTO decisions (tenant, run_id, job_id, number, at_us, action, body) VALUES (?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO decisions (tenant, run_id, job_id, number, at_us, action, body, seal)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(tenant.name())
     .bind(&run_id)
-    .bind(job_id.to_string())
+    .bind(job)
     .bind(number)
     .bind(at_us)
     .bind(decision.action)
     .bind(decision.body.as_ref())
+    .bind(seal)
     .execute(&mut tx.connection)
     .await?
     .last_insert_rowid();
