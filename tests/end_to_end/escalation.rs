@@ -7,9 +7,9 @@ use feedwave_contract::proto::run_start::Target;
 use feedwave_contract::proto::runs_client::RunsClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
-    AcknowledgeConditionRequest, DecisionAction, Escalation, FeedChangeCause, GetRunRequest, ListDecisionsRequest,
-    OverrideBounds, ReplayRunRequest, Run, RunCommand, RunCommandKind, RunCredit, RunFeedChange, RunReceipt,
-    RunRequest, RunStart, RunStarted, RunState, SetMonitoringRequest,
+    AcknowledgeConditionRequest, DecisionAction, DecisionReason, Escalation, FeedChangeCause, GetRunRequest,
+    ListDecisionsRequest, OverrideBounds, ReplayRunRequest, Run, RunCommand, RunCommandKind, RunCredit, RunFeedChange,
+    RunReceipt, RunRequest, RunStart, RunStarted, RunState, SetMonitoringRequest,
 };
 use feedwave_tests::{Home, Server};
 use tokio::sync::mpsc;
@@ -112,6 +112,15 @@ async fn shown(server: &Server) -> (u64, f64) {
     (state["openConditions"].as_u64().unwrap_or_default(), counted)
 }
 
+/// Whether the machine shows that an escalation holds the feed, and which of its conditions are acknowledged.
+async fn on_the_floor(server: &Server) -> (bool, Vec<bool>) {
+    let state = server.web().get("/v1/machines/lathe/state").await.json();
+    let of_log = |condition: &&serde_json::Value| condition["needsAcknowledgement"] == true;
+    let conditions = state["conditions"].as_array().expect("conditions").iter().filter(of_log);
+    let acknowledged = conditions.map(|condition| !condition["acknowledgeTime"].is_null());
+    (state["run"]["feedHeld"] == true, acknowledged.collect())
+}
+
 // One run through every kill, and what the log, the feed and the dashboard have of it then.
 #[tokio::test]
 async fn an_escalation_survives_kills_at_any_moment_once() {
@@ -137,6 +146,13 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     while known.changes.len() < 2 {
         link.next(&mut known).await;
     }
+    // Decisions go on: what holds the feed is not what was decided last.
+    let mut late = batch(BATCHES);
+    late.time_ns.iter_mut().for_each(|time_ns| *time_ns += 10_000_000_000);
+    link.say(Request::Batch(late)).await;
+    while known.durable_batch < Some(BATCHES) {
+        link.next(&mut known).await;
+    }
     drop(link);
     server = server.kill().await.start().await;
 
@@ -153,6 +169,8 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     assert_eq!((kept.conditions.len(), kept.open_conditions), (1, 1), "{kept:?}");
     assert_eq!(kept.conditions[0].decision_number, raised[0].number);
     assert_eq!(shown(&server).await, (1, 1.0));
+    assert_ne!(listed.last().and_then(|it| it.outcome).map(|it| it.reason()), Some(DecisionReason::FeedHeld));
+    assert_eq!(on_the_floor(&server).await, (true, vec![false]));
 
     // A resume is refused before the acknowledgement, which is kept as it was given first, through a kill, too.
     let mut link = Link::open(&server, &job, &mut known).await;
@@ -177,6 +195,7 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     assert_eq!(telemetry.acknowledge_condition(unknown).await.expect_err("no condition").code(), Code::NotFound);
     assert_eq!(run_of(&server, &known).await.conditions, first.into_iter().collect::<Vec<_>>());
     assert_eq!(shown(&server).await, (0, 0.0));
+    assert_eq!(on_the_floor(&server).await, (true, vec![true]), "it holds the feed, whoever knows of it");
     let events = server.web().get("/v1/events").await.json();
     let events = events["events"].as_array().expect("events");
     let told = events.iter().filter(|event| event.to_string().contains("condition")).count();
@@ -191,6 +210,7 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     }
     drop(link);
     server = server.kill().await.start().await;
+    assert_eq!(on_the_floor(&server).await, (false, vec![]));
     let mut link = Link::open(&server, &job, &mut known).await;
     assert!(!link.started.feed_held && known.changes.len() == 3, "{:?}", link.started);
     assert_eq!((known.changes[2].ratio, known.changes[2].cause()), (0.5, FeedChangeCause::Resume));

@@ -1,9 +1,13 @@
 //! Bits that a disk lost: what still reads well is not taken for what was written.
 
+use bytes::Bytes;
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::program_file::Source as FileSource;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
-    CreateToolRequest, DeleteJobRequest, DeleteToolRequest, GetJobRequest, GetMachineRequest, GetToolRequest, JobState,
-    ListMachinesRequest, ListToolsRequest, Machine, SetMonitoringRequest, Tool, ToolKind, UpdateMachineRequest,
+    CreateJobRequest, CreateToolRequest, DeleteJobRequest, DeleteToolRequest, GetJobRequest, GetMachineRequest,
+    GetToolRequest, JobState, ListMachinesRequest, ListToolsRequest, Machine, ProgramFile, SetMonitoringRequest, Tool,
+    ToolKind, UpdateMachineRequest,
 };
 use feedwave_tests::{Clients, Home, LIVE_PART, RunLedger, Server, live_config};
 use prost_types::FieldMask;
@@ -28,6 +32,22 @@ async fn create_tool(clients: &mut Clients) {
     let tool = Tool { number: 11, kind: ToolKind::Turning.into(), length_mm: Some(111.0), ..Tool::default() };
     let request = CreateToolRequest { tool_id: "t11".to_owned(), tool: Some(tool) };
     clients.tools.create_tool(request).await.expect("the tool is valid");
+}
+
+/// A job that is ready, whose program calls a further file.
+async fn with_subprogram(clients: &mut Clients) -> String {
+    let file = Bytes::from_static(b"O1000\nG0 X11. Z2.\nM99\n");
+    let further = ProgramFile { name: "O1000.nc".to_owned(), source: Some(FileSource::InlineProgram(file)) };
+    let request = CreateJobRequest {
+        machine: "machines/lathe".to_owned(),
+        source: Some(Source::InlineProgram(Bytes::from_static(b"G21\nG0 X10. Z1.\nM98 P1000\nM30\n"))),
+        programs: vec![further],
+        ..CreateJobRequest::default()
+    };
+    let job = clients.jobs.create_job(request).await.expect("the job is created").into_inner().job.expect("a job");
+    let outcome = clients.validated(&job.name).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.codes());
+    job.name
 }
 
 #[tokio::test]
@@ -73,11 +93,12 @@ async fn a_job_with_a_lost_bit_moves_nothing() {
         "UPDATE jobs SET settings = settings || ' '",
         "UPDATE programs SET size_bytes = size_bytes - 1",
         "UPDATE program_chunks SET chunk_index = chunk_index, seal = zeroblob(32)",
-        "DELETE FROM programs",
+        "DELETE FROM programs WHERE id IN (SELECT program_id FROM jobs)",
+        "DELETE FROM programs WHERE id IN (SELECT program_id FROM job_programs)",
     ] {
         let server = Server::start(FEEDWAVE).await;
         let mut clients = server.connect().await;
-        let job = clients.submit("G21\nG0 X10. Z1.\nM30\n").await.job.name;
+        let job = with_subprogram(&mut clients).await;
         let home = damaged(server, change).await;
         let server = home.start().await;
         let mut clients = server.connect().await;

@@ -457,6 +457,12 @@ pub trait Runs {
         setpoint_index: u64,
     ) -> Result<Option<RunCheckpoint>>;
 
+    /// State of the monitor of a run as it was committed last.
+    ///
+    /// # Errors
+    /// `NotFound`, `Corrupt`, `Unavailable`.
+    async fn run_monitor(&self, id: Uuid) -> Result<Bytes>;
+
     /// Setpoints of the checkpoints of a run with their running digests, by index, whatever generated them.
     ///
     /// # Errors

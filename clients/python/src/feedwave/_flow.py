@@ -7,6 +7,7 @@ once: what is sent, how often it is tried again, how a broken stream goes on.
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -161,9 +162,12 @@ def retried(retries: Retries, attempt: Callable[[], Flow[T]]) -> Flow[T]:
 def pages(
     retries: Retries, method: str, request: Any, response: type[Message], items: Callable[[Any], Iterable[Any]]
 ) -> Flow[None]:
-    """Emits the items of a list, page by page."""
+    """Emits the items of a list, page by page, and warns of those that are damaged in the store."""
     while True:
         page: Any = yield from call(retries, method, request, response)
+        # Logs have none: their records are passed over.
+        for name in getattr(page, "unreachable", ()):
+            warnings.warn(f"{name} is damaged in the store of the service, and left out of the list", stacklevel=2)
         for item in items(page):
             yield Emit(item)
         if not page.next_page_token:

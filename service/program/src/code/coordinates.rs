@@ -43,7 +43,7 @@ crate::finding_codes! {
     "PRG-COORD-SHAPE" [COORD_SHAPE: Error] {
         meaning: "a curve or a cycle that the coordinates would turn into something else",
         cause: "A circle with different factors along its two axes is an ellipse, and one in another plane than that of the rotation leaves its plane; \
-                a scaled or mirrored drilling axis has no agreed meaning for levels.",
+                a scaled or mirrored drilling axis has no agreed meaning for levels; an oriented spindle does not turn with a tilted plane.",
         cure: "Scale both axes alike, or write the path as lines.",
         example: mill("G51 X0 Y0 I2. J3. K1.\nG2 X10 R10 F100"),
     }

@@ -191,7 +191,7 @@ impl Execution<'_> {
             return;
         }
         let Some((cycle, axis)) = self.cycle_here(cycle) else { return };
-        if self.state.coords.transform.is_some() && self.is_cycle_transformed(cycle, axis) {
+        if self.is_cycle_transformed(cycle, axis) {
             return;
         }
         if axes == 0 && bolts.is_none() && self.state.drilling.bottom.is_none() && !self.is_linuxcnc() {

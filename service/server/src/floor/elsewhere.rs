@@ -13,7 +13,7 @@ use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
 use super::machine::Connected;
-use super::restore::{logged_of, view_of};
+use super::restore::{logged, view_of};
 use super::{Floor, Floors, Logged, RunView};
 use crate::error::{Error, Result};
 
@@ -132,7 +132,7 @@ impl Place {
         });
         self.floor.update(&self.machine_id, self.ticket, view);
         if (may_raise && self.decision != decision) || (feed_held && !self.feed_held) {
-            let logged = logged(store, view).await?;
+            let logged = logged(store, view.id, view.activity.feed_held).await?;
             self.floor.change(&self.machine_id, |machine| machine.know(logged));
         }
         (self.decision, self.feed_held) = (decision, feed_held);
@@ -311,7 +311,7 @@ impl Sharing {
         match (&mut heard.place, told.is_connected) {
             (None, true) => {
                 let floor = self.floors.of(told.tenant);
-                let logged = logged(&self.store, &view).await?;
+                let logged = logged(&self.store, view.id, view.activity.feed_held).await?;
                 let decision = view.activity.last_decision.as_ref().map(|decision| decision.number);
                 let feed_held = view.activity.feed_held;
                 let ticket = floor.connect(&machine_id, view, logged, None);
@@ -324,7 +324,7 @@ impl Sharing {
             }
             (None, false) if !is_first => {
                 let floor = self.floors.of(told.tenant);
-                let logged = logged(&self.store, &view).await?;
+                let logged = logged(&self.store, view.id, view.activity.feed_held).await?;
                 // Between two rounds.
                 floor.come_and_gone(&machine_id, view, logged);
             }
@@ -342,13 +342,6 @@ async fn in_log(store: &Store, run_id: Uuid) -> Result<Option<RunView>> {
         Err(StoreError::NotFound { .. }) => Ok(None),
         Err(error) => Err(error.into()),
     }
-}
-
-/// Conditions of a run that nobody has acknowledged, or that hold its feed.
-async fn logged(store: &Store, view: &RunView) -> Result<Vec<Logged>> {
-    let mut conditions = store.run_conditions(view.id).await?;
-    conditions.retain(|condition| condition.acknowledged.is_none() || view.activity.feed_held);
-    logged_of(store, view.id, &conditions).await
 }
 
 impl Floor {

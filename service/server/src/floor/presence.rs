@@ -33,6 +33,8 @@ pub(crate) struct RunBase<'a> {
     pub(crate) changes: &'a [DecisionRecord],
     /// Changes of the feed of a live run, in order.
     pub(crate) overrides: &'a [RunOverride],
+    /// Whether an escalation holds its feed.
+    pub(crate) feed_held: bool,
     /// Its conditions.
     pub(super) conditions: &'a [Logged],
     /// Unit of the deviation.
@@ -72,12 +74,6 @@ const fn execution_at_rest(state: RunState) -> Execution {
         RunState::Finished => Execution::Finished,
         RunState::Stopped | RunState::Aborted => Execution::Stopped,
     }
-}
-
-/// Whether an escalation holds the feed after a decision.
-fn holds_feed(decision: &Decision) -> bool {
-    let outcome = decision.outcome.unwrap_or_default();
-    outcome.action() == DecisionAction::HoldFeed || outcome.reason() == DecisionReason::FeedHeld
 }
 
 fn brief(decision: &Decision) -> DecisionBrief {
@@ -130,7 +126,7 @@ impl RunBase<'_> {
             create_time: Some(timestamp(run.created_us)),
             progress: if run.kind == RunKind::Live { Some(self.progress(&summary)?) } else { None },
             // An escalation is in the log; what an operator wants is known while his client is there.
-            feed_held: run.state == RunState::Open && last.as_ref().is_some_and(holds_feed),
+            feed_held: self.feed_held,
             last_decision: last.as_ref().map(brief),
             feed_decision: self.feed_decision(),
             finding_warnings: summary.warnings,

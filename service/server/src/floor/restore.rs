@@ -4,8 +4,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use feedwave_contract::convert::action_name;
 use feedwave_contract::proto::{Machine, ProcessReading, RunActivity};
-use feedwave_monitoring::{Action, MonitoringConfig};
-use feedwave_store::{AttachedRun, DecisionRecord, PageRequest, Run, RunCondition, RunKind, Store, StoreError, Tenant};
+use feedwave_monitoring::{Action, Monitor, MonitoringConfig};
+use feedwave_store::{
+    AttachedRun, DecisionRecord, PageRequest, Run, RunCondition, RunKind, RunState, Store, StoreError, Tenant,
+};
 use uuid::Uuid;
 
 use super::presence::RunBase;
@@ -41,7 +43,11 @@ impl Floors {
         for runs in store.machine_runs().await?.into_iter().filter(|runs| wanted(&runs.machine_id)) {
             let view = readable(&runs.machine_id, newest_view(store, runs.newest).await)?;
             let of = (runs.tenant, runs.machine_id);
-            let logged = open.remove(&of).unwrap_or_default();
+            let mut logged = open.remove(&of).unwrap_or_default();
+            if let Some(view) = view.as_ref().filter(|view| view.activity.feed_held) {
+                logged.retain(|other| other.run != view.id);
+                logged.extend(self::logged(store, view.id, true).await?);
+            }
             self.of(of.0).restore_machine(&of.1, view, runs.finished, logged);
         }
         Ok(())
@@ -132,6 +138,7 @@ pub(super) async fn view_of(store: &Store, run: &Run) -> Result<RunView> {
         last_decision: last_decision.as_ref(),
         changes: &changes,
         overrides: &overrides,
+        feed_held: feed_held(store, run).await?,
         conditions: &[],
         deviation_unit: deviation_unit(run)?,
     };
@@ -141,6 +148,20 @@ pub(super) async fn view_of(store: &Store, run: &Run) -> Result<RunView> {
 /// Decisions of a run that changed something, as many as are looked at for why its feed is as it is.
 async fn changes(store: &Store, run: Uuid) -> Result<Vec<DecisionRecord>> {
     Ok(store.last_decisions_of(run, action_name(Action::Change), 32).await?)
+}
+
+/// Whether an escalation holds the feed of a run: its monitor says so, whatever was decided since.
+async fn feed_held(store: &Store, run: &Run) -> Result<bool> {
+    match run.state {
+        RunState::Open => holds_feed(run, &store.run_monitor(run.id).await?),
+        _ => Ok(false),
+    }
+}
+
+fn holds_feed(run: &Run, monitor: &[u8]) -> Result<bool> {
+    let monitor = Monitor::restore(monitor);
+    let read = monitor.map_err(|error| Error::internal(format!("the state of run {} cannot be read: {error}", run.id)));
+    Ok(read?.holds_feed())
 }
 
 /// Unit of the deviation in a run.
@@ -165,13 +186,15 @@ impl Floor {
         self.doubt(&job.machine_id, run.id);
         let last_decision = store.last_decision(run.id).await?;
         let changes = changes(store, run.id).await?;
-        let conditions = open_of(store, run.id).await?;
+        let feed_held = holds_feed(run, &attached.monitor)?;
+        let conditions = logged(store, run.id, feed_held).await?;
         let base = RunBase {
             job,
             run,
             last_decision: last_decision.as_ref(),
             changes: &changes,
             overrides: &attached.overrides,
+            feed_held,
             conditions: &conditions,
             deviation_unit: deviation_unit(run)?,
         };
@@ -179,15 +202,15 @@ impl Floor {
     }
 }
 
-/// Conditions of a run that nobody has acknowledged.
-async fn open_of(store: &Store, run: Uuid) -> Result<Vec<Logged>> {
+/// Conditions of a run that nobody has acknowledged, or that hold its feed.
+pub(super) async fn logged(store: &Store, run: Uuid, feed_held: bool) -> Result<Vec<Logged>> {
     let mut conditions = store.run_conditions(run).await?;
-    conditions.retain(|condition| condition.acknowledged.is_none());
+    conditions.retain(|condition| condition.acknowledged.is_none() || feed_held);
     logged_of(store, run, &conditions).await
 }
 
 /// Conditions of a run with what their decisions saw: none of a run that was deleted meanwhile.
-pub(super) async fn logged_of(store: &Store, run: Uuid, conditions: &[RunCondition]) -> Result<Vec<Logged>> {
+async fn logged_of(store: &Store, run: Uuid, conditions: &[RunCondition]) -> Result<Vec<Logged>> {
     if conditions.is_empty() {
         return Ok(Vec::new());
     }

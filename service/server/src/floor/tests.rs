@@ -62,6 +62,7 @@ fn presence(floor: &Floor, id: u128, sequence: i64) -> Presence {
         last_decision: None,
         changes: &[],
         overrides: &[],
+        feed_held: false,
         conditions: &[],
         deviation_unit: "mm",
     };
@@ -188,6 +189,7 @@ fn a_stop_of_telemetry_stays_after_a_restart_and_without_its_client() {
         last_decision: Some(&stop),
         changes: &[],
         overrides: &[],
+        feed_held: false,
         conditions: &[],
         deviation_unit: "mm",
     };
@@ -220,6 +222,7 @@ fn how_far_a_run_came_is_known_at_rest() {
             last_decision: None,
             changes: &[],
             overrides,
+            feed_held: false,
             conditions: &[],
             deviation_unit: "mm",
         };

@@ -318,6 +318,14 @@ impl Runs for PostgresStore {
         checkpoints::nearest(self, id, generation_key, setpoint_index).await
     }
 
+    async fn run_monitor(&self, id: Uuid) -> Result<Bytes> {
+        let row = sqlx::query("SELECT monitor_bytes, monitor FROM runs WHERE id = $1")
+            .bind(id.to_string())
+            .fetch_optional(&mut self.reader().await?)
+            .await?;
+        monitor(&row.ok_or_else(|| missing(id))?).await
+    }
+
     async fn run_marks(&self, id: Uuid) -> Result<Vec<RunMark>> {
         checkpoints::marks(self, id).await
     }

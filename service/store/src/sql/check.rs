@@ -257,7 +257,9 @@ impl<D: Verified> Check<D> {
     async fn job(&mut self, id: &str) -> Result<()> {
         let sql = "SELECT j.*, j.id AS job_id, m.config, m.seal AS monitoring_seal,
                 (SELECT COUNT(*) FROM validation_reports AS r WHERE r.job_id = j.id) AS reports,
-                (SELECT COUNT(*) FROM programs AS p WHERE p.id = j.program_id) AS programs
+                (SELECT MIN(u.program_id) FROM (SELECT j.program_id UNION ALL SELECT f.program_id FROM job_programs AS f
+                    WHERE f.job_id = j.id) AS u WHERE NOT EXISTS (SELECT 1 FROM programs WHERE programs.id = u.program_id))
+                    AS missing_program
              FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1";
         let Some(row) = self.row(sql, &[Parameter::Text(id)]).await? else { return Ok(()) };
         parsed::<uuid::Uuid>(&row, "id")?;
@@ -271,8 +273,8 @@ impl<D: Verified> Check<D> {
             to_json(config.to_owned(), "config")?;
             seal::MONITORING.verify_by(&row, "monitoring_seal")?;
         }
-        if row.integer("programs")? == 0 {
-            return Err(program_missing(row.text("program_id")?));
+        if let Some(id) = row.text_option("missing_program")? {
+            return Err(program_missing(id));
         }
         if matches!(state, JobState::Ready | JobState::Rejected) && row.integer("reports")? == 0 {
             return Err(StoreError::corrupt(format!("it is {state} and has no report")));

@@ -180,8 +180,9 @@ pub(crate) async fn packed(
 /// A job with its documents.
 pub(crate) fn detail(row: &impl Record) -> Result<JobDetail> {
     JOB.verify(row)?;
-    if row.integer_option("size_bytes")?.is_none() {
-        return Err(program_missing(row.text("program_id")?));
+    let own = row.integer_option("size_bytes")?.is_none().then(|| row.text("program_id")).transpose()?;
+    if let Some(id) = own.or(row.text_option("missing_program")?) {
+        return Err(program_missing(id));
     }
     Ok(JobDetail { job: job(row)?, machine_snapshot: json(row, "machine_snapshot")?, settings: json(row, "settings")? })
 }

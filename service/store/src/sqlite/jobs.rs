@@ -126,7 +126,8 @@ impl Jobs for SqliteStore {
     }
 
     async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
-        let row = sqlx::query(job_query!(", j.machine_snapshot, j.settings, j.seal", "WHERE j.id = ?"))
+        let row = sqlx::query(job_query!(", j.machine_snapshot, j.settings, j.seal, (SELECT MIN(f.program_id) FROM job_programs AS f WHERE f.job_id = j.id
+                AND NOT EXISTS (SELECT 1 FROM programs WHERE programs.id = f.program_id)) AS missing_program", "WHERE j.id = ?"))
             .bind(id.to_string())
             .fetch_optional(&mut self.reader().await?)
             .await?

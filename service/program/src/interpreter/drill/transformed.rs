@@ -10,13 +10,17 @@ use crate::{Axis, Position};
 impl Execution<'_> {
     /// Whether the coordinates change what the levels of a cycle mean, so that it is refused; that is then reported.
     pub(super) fn is_cycle_transformed(&mut self, cycle: Cycle, axis: Axis) -> bool {
-        let Some(transform) = &self.state.coords.transform else { return false };
-        let message = if transform.factor(axis) != 1.0 {
+        let transform = self.state.coords.transform.as_ref();
+        let message = if transform.is_some_and(|transform| transform.factor(axis) != 1.0) {
             "what the levels of a cycle are along a scaled or mirrored axis depends on the control"
-        } else if !transform.keeps_plane(self.state.plane) {
+        } else if transform.is_some_and(|transform| !transform.keeps_plane(self.state.plane)) {
             "a drilling cycle in another plane than that of the rotation"
-        } else if matches!(cycle, Cycle::FineBore | Cycle::BackBore) {
+        } else if !matches!(cycle, Cycle::FineBore | Cycle::BackBore) {
+            return false;
+        } else if transform.is_some() {
             "in which direction the tool is moved off the wall in transformed coordinates depends on the control"
+        } else if self.state.plane_tilted.is_some() {
+            "the spindle is oriented in the machine, so the direction off the wall is not that of the axes of a tilted plane"
         } else {
             return false;
         };

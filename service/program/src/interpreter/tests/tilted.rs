@@ -472,6 +472,10 @@ fn drilling_cycles_are_drilled_in_the_plane() {
     refused("G81 X1 Z-3 R2 F100", "! 4:1+18 PRG-TOOL-CONTROL-HELD");
     refused("G81 X1 Y2 A5 Z-3 R2 F100", "! 4:11+2 PRG-PLANE-BLOCK");
     refused("G91 G81 X1 Y2 Z-3 R-2 F100", "! 4:9+2 PRG-TOOL-CONTROL-HELD\n! 4:12+2 PRG-TOOL-CONTROL-HELD");
+    // An oriented spindle does not turn with the plane.
+    for cycle in ["G76 X1 Y2 Z-3 R2 I.5 F100", "G87 X1 Y2 Z-3 R-9 I.5 F100"] {
+        assert_eq!(found(mill(), &format!("{plane}{cycle}")), [(4, "PRG-COORD-SHAPE".to_owned())], "{cycle}");
+    }
     // Behind the plane a rigid tap needs every axis placed, the rotary ones too.
     check(
         &mill(),
