@@ -320,9 +320,13 @@ fn machine_rows(rows: &mut Rows, section: &SectionReport) {
     if !limits.is_empty() {
         rows.row("", limits.join(", "));
     }
-    if let Some(radius_mm) = section.min_radius_mm.filter(|_| section.contour_deviation_mm > 0.0) {
-        let (deviation, radius) = (number(section.contour_deviation_mm * 1e3, 3), number(radius_mm, 4));
-        rows.row("", format!("leaves the contour by at most {deviation} µm (smallest radius {radius} mm)"));
+    if section.contour_deviation_mm > 0.0 {
+        let deviation = number(section.contour_deviation_mm * 1e3, 3);
+        let place = match section.min_radius_mm {
+            Some(radius_mm) => format!("smallest radius {} mm", number(radius_mm, 4)),
+            None => "at junctions that it goes over".to_owned(),
+        };
+        rows.row("", format!("leaves the contour by at most {deviation} µm ({place})"));
     }
     if section.clamped_share > 0.0 {
         rows.row("", format!("held at the section's ends for {} of its time", percent(section.clamped_share)));

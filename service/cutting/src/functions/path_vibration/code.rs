@@ -100,8 +100,8 @@ feedwave_program::finding_codes! {
 
     "VIB-CONTOUR" [VIB_CONTOUR: Error] {
         meaning: "in a tangential mode the tool leaves the contour by more than its tolerance",
-        cause: "The offset along the tangent of an arc of radius r leaves it by about A²/2r; \
-              `vibration.contour_tolerance_mm` permits less.",
+        cause: "The offset along the tangent of an arc of radius r leaves it by about A²/2r, and goes straight on at a junction that \
+              turns by less than 0.001; `vibration.contour_tolerance_mm` permits less.",
         cure: "Generate the vibration along the path, which never leaves the contour, or use the amplitude that the \
               finding names.",
         example: on("lathe, vibration.generation_mode = GENERATION_MODE_TANGENTIAL", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.2\nG2 X24 Z3 R2 F0.1\nG201\nM30"),

@@ -74,7 +74,7 @@ impl VibrationSettings {
     /// Length over which a vibration is blended in and out where it begins at this programmed feed, mm; `None` as published.
     pub(crate) fn ramp_mm(&self, condition: VibrationCondition, feed_mm_per_s: f64) -> Option<f64> {
         let VibrationCondition { frequency_hz, amplitude_mm } = condition;
-        let reach_mm = amplitude_mm * self.follows_up_to(amplitude_mm).unwrap_or(1.0);
+        let reach_mm = self.reach_mm(amplitude_mm);
         match self.envelope {
             VibrationEnvelope::Blended => Some(least_ramp_mm(frequency_hz, reach_mm, feed_mm_per_s)),
             VibrationEnvelope::Published => None,

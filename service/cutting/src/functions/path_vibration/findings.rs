@@ -26,6 +26,8 @@ pub(super) struct Evidence {
     /// First element that the axes cannot follow, and its line.
     pub(super) exceeded: Option<Exceeded>,
     pub(super) curve_line: Option<u32>,
+    /// Line behind the junctions that are gone over and change the direction most.
+    pub(super) junction_line: Option<u32>,
     /// Line after the sharpest corner of a published vibration.
     pub(super) corner_line: Option<u32>,
     pub(super) chip_line: Option<u32>,
@@ -267,32 +269,51 @@ impl Evidence {
 
     fn contour(&self, findings: &mut Vec<Finding>) {
         let (deviation_mm, tolerance_mm) = (self.report.contour_deviation_mm, self.settings.contour_tolerance_mm);
-        let (Some(radius_mm), Some(line)) = (self.report.min_radius_mm, self.curve_line) else { return };
         if deviation_mm <= tolerance_mm {
             return;
         }
+        let departure = &self.report.departure;
+        let at_junctions_mm = departure.at_junctions_mm(self.settings.reach_mm(self.condition().amplitude_mm));
+        let curve = self.report.min_radius_mm.zip(self.curve_line);
+        let curve =
+            curve.map(|(radius_mm, line)| format!("on the radius of {} mm in line {line}", decimal(radius_mm, 3)));
+        let junction = self.junction_line.map(|line| format!("at the junction before line {line}"));
+        let places = match (curve, junction) {
+            (Some(curve), Some(junction)) => {
+                format!("{curve}, {} mm of it {junction}", decimal(at_junctions_mm, 6))
+            }
+            (curve, junction) => curve.or(junction).unwrap_or_default(),
+        };
         let message = format!(
-            "along the tangent the tool leaves the contour by {} mm on the radius of {} mm in line {line}, more than the \
-             tolerance of {} mm",
+            "along the tangent the tool leaves the contour by {} mm {places}, more than the tolerance of {} mm",
             decimal(deviation_mm, 6),
-            decimal(radius_mm, 3),
             decimal(tolerance_mm, 6)
         );
         // A smaller amplitude may follow further below the largest permitted one.
         let followed = self.settings.amplitude_follows_feed_up_to.unwrap_or(1.0).max(1.0);
         // The rounding of a radius must not bring it back over the tolerance.
-        let amplitude_mm = round_down((1.0 - 1e-9) * (2.0 * radius_mm * tolerance_mm).sqrt() / followed, 4);
+        let amplitude_mm = round_down((1.0 - 1e-9) * departure.largest_offset_mm(tolerance_mm) / followed, 4);
         let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
         let cure = cure + &self.but_unbroken(self.trial.with_amplitude(amplitude_mm));
+        let line = if at_junctions_mm > 0.5 * deviation_mm { self.junction_line } else { self.curve_line };
+        let finding = Finding::new(code::VIB_CONTOUR, self.amplitude_span(), message)
+            .at("line", line.unwrap_or(self.report.on_line).into())
+            .ranked("", deviation_mm)
+            .with_value("deviation", deviation_mm, "mm")
+            .with_value("at_junctions", at_junctions_mm, "mm")
+            .with_value("tolerance", tolerance_mm, "mm");
+        let finding = match self.report.min_radius_mm {
+            Some(radius_mm) => finding.with_value("radius", radius_mm, "mm"),
+            None => finding,
+        };
         findings.push(
-            Finding::new(code::VIB_CONTOUR, self.amplitude_span(), message)
-                .at("line", line.into())
-                .ranked("", deviation_mm)
-                .with_value("deviation", deviation_mm, "mm")
-                .with_value("tolerance", tolerance_mm, "mm")
-                .with_value("radius", radius_mm, "mm")
-                .suggest("generate the vibration along the path, which never leaves the contour")
-                .suggest_value(cure, self.amplitude_cure(amplitude_mm), "amplitude", amplitude_mm, "mm"),
+            finding.suggest("generate the vibration along the path, which never leaves the contour").suggest_value(
+                cure,
+                self.amplitude_cure(amplitude_mm),
+                "amplitude",
+                amplitude_mm,
+                "mm",
+            ),
         );
     }
 

@@ -10,6 +10,7 @@ mod chip_cures;
 mod chip_findings;
 mod chips;
 pub(crate) mod code;
+mod departure;
 mod envelope;
 mod expand;
 mod findings;
@@ -38,6 +39,7 @@ use serde::{Deserialize, Serialize};
 use amplitude::{Amplitude, PEAK_RESERVE, RAMP_VIBRATIONS};
 pub(crate) use analysis::VibrationAnalysis;
 pub use chip::*;
+pub use departure::{Departure, JunctionDeparture};
 pub(crate) use envelope::VibrationDemand;
 pub use envelope::VibrationEnvelope;
 pub use following::FollowingReport;
@@ -98,6 +100,11 @@ impl VibrationSettings {
     /// Largest ratio at which a programmed amplitude follows the feed override, within the largest permitted amplitude.
     pub(crate) fn follows_up_to(&self, amplitude_mm: f64) -> Option<f64> {
         self.amplitude_follows_feed_up_to.map(|ratio| ratio.min(self.max_amplitude_mm / amplitude_mm).max(1.0))
+    }
+
+    /// Largest offset of a programmed amplitude, mm.
+    pub(crate) fn reach_mm(&self, amplitude_mm: f64) -> f64 {
+        amplitude_mm * self.follows_up_to(amplitude_mm).unwrap_or(1.0)
     }
 }
 

@@ -5,6 +5,7 @@ use feedwave_program::DrillingCycle;
 
 use super::chip::{ChipReport, SurfaceSpeedReport};
 use super::chip_blend::reached_share;
+use super::departure::Departure;
 use super::following::FollowingReport;
 use super::{GenerationMode, VibrationCondition, VibrationEnvelope};
 
@@ -45,8 +46,11 @@ pub struct SectionReport {
     pub axes: Vec<AxisLoadReport>,
     /// Smallest radius of curvature, mm; `None` when the section is straight.
     pub min_radius_mm: Option<f64>,
-    /// Largest deviation from the contour A²/(2R), mm; 0 along the path.
+    /// Bound of the deviation from the contour, mm: A²/(2R) of the smallest radius and A·|τ₂−τ₁| of junctions that are gone over; 0 along
+    /// the path.
     pub contour_deviation_mm: f64,
+    /// What it follows from, for other amplitudes as well.
+    pub departure: Departure,
     /// Largest jump of a published offset at a junction A·|τ₂−τ₁|, mm, avoided by resting there until it is 0; 0 along the
     /// path.
     pub junction_jump_mm: f64,

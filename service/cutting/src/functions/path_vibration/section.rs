@@ -8,6 +8,7 @@ use feedwave_program::{Axis, DrillingCycle, Feed, FindingLog, Position, SourceSp
 use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, analyse};
 use super::chip_course::{ChipCourse, ChipVerdict, Piece};
 use super::chips::ChipBlock;
+use super::departure::{Departure, JunctionReach};
 use super::findings::Evidence;
 use super::following::FollowingLoss;
 use super::loads::AxisLoads;
@@ -43,6 +44,8 @@ pub struct SectionAnalyzer {
     length_mm: f64,
     parts: Parts,
     loads: AxisLoads,
+    /// The junctions that the largest programmed and the largest permitted offset go over; not along the path.
+    junctions: Option<[JunctionReach; 2]>,
     /// Largest curvature, 1/mm, and its line.
     sharpest: Option<(f64, u32)>,
     chips: ChipCourse,
@@ -92,6 +95,9 @@ impl SectionAnalyzer {
             GenerationMode::ServoSide => interpolation_period_s / f64::from(settings.servo_substeps.max(1)),
             GenerationMode::AlongPath | GenerationMode::Tangential => interpolation_period_s,
         };
+        let reach_mm = settings.reach_mm(condition.amplitude_mm);
+        let leaves_path = settings.generation_mode != GenerationMode::AlongPath;
+        let largest_mm = reach_mm.max(settings.max_amplitude_mm);
         Self {
             condition,
             on_span,
@@ -108,6 +114,7 @@ impl SectionAnalyzer {
             length_mm: 0.0,
             parts: Parts::default(),
             loads: AxisLoads::new(condition, settings, machine),
+            junctions: leaves_path.then(|| [reach_mm, largest_mm].map(JunctionReach::new)),
             sharpest: None,
             chips: ChipCourse::new(condition, settings),
             stopped_line: None,
@@ -154,6 +161,7 @@ impl SectionAnalyzer {
     /// A part of the section starts, at this programmed feed.
     pub fn start_part(&mut self, feed_mm_per_s: f64) {
         self.parts.close();
+        self.junctions.iter_mut().flatten().for_each(JunctionReach::interrupt);
         self.parts.ramp_mm = self.settings.ramp_mm(self.condition, feed_mm_per_s);
         let [longest, ramp] = [self.parts.longest_ramp_mm, self.parts.ramp_mm];
         self.parts.longest_ramp_mm = longest.into_iter().chain(ramp).reduce(f64::max);
@@ -168,6 +176,13 @@ impl SectionAnalyzer {
     /// full speed.
     pub fn turns_at_junction(&mut self, kinks: &Position) {
         self.loads.turns_at_junction(kinks);
+    }
+
+    /// The vibration goes over a junction of blocks; `direction_change` is |τ₂−τ₁| there.
+    pub fn goes_over_junction(&mut self, direction_change: f64, line: u32) {
+        for junctions in self.junctions.iter_mut().flatten() {
+            junctions.add(self.length_mm, direction_change, line);
+        }
     }
 
     /// The part ends at a junction of blocks; `direction_change` is |τ₂−τ₁| there.
@@ -300,7 +315,7 @@ impl SectionAnalyzer {
         let VibrationCondition { frequency_hz, amplitude_mm } = self.condition;
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
         let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
-        let reach_mm = amplitude_mm * self.settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
+        let reach_mm = self.settings.reach_mm(amplitude_mm);
         let ChipVerdict {
             broken_share,
             worst,
@@ -320,6 +335,10 @@ impl SectionAnalyzer {
             None => FollowingReport::of_all(amplitude_mm),
         };
         let curvature = self.sharpest.map_or(0.0, |(curvature, _)| curvature);
+        let departure = self.junctions.as_ref().map_or_else(Departure::default, |junctions| Departure {
+            curvature_per_mm: curvature,
+            at_junctions: junctions.each_ref().map(JunctionReach::departure),
+        });
         let corner = self.parts.corner.map_or(0.0, |(change, _)| change);
         let published = self.settings.envelope == VibrationEnvelope::Published;
         let turns_per_period = frequency_hz * self.period_s;
@@ -347,7 +366,8 @@ impl SectionAnalyzer {
             },
             axes: self.loads.inside(),
             min_radius_mm: (curvature > 0.0).then(|| 1.0 / curvature),
-            contour_deviation_mm: only_off_contour(0.5 * reach_mm * reach_mm * curvature),
+            contour_deviation_mm: departure.of_mm(reach_mm),
+            departure,
             junction_jump_mm: if published { only_off_contour(reach_mm * corner) } else { 0.0 },
             chip: worst.map(|worst| analyse(&worst.cut)),
             feed_override: worst.map(|worst| worst.feed_override),
@@ -376,11 +396,12 @@ impl SectionAnalyzer {
                 settings: self.settings,
                 period_s: self.period_s,
                 max_rev_per_min: self.max_rev_per_min.min(self.max_tool_rev_per_min),
-                curvature,
+                departure,
                 cuts,
                 axes: self.loads,
             },
             curve_line: self.sharpest.map(|(_, line)| line),
+            junction_line: self.junctions.and_then(|[junctions, _]| junctions.largest).map(|(_, line)| line),
             corner_line: self.parts.corner.map(|(_, line)| line).filter(|_| published),
             chip_line: worst.map(|worst| worst.line),
             stopped_line: self.stopped_line,
@@ -391,7 +412,7 @@ impl SectionAnalyzer {
 }
 
 /// Keeps the larger value and where it is; 0 is no value.
-fn raise(largest: &mut Option<(f64, u32)>, value: f64, line: u32) {
+pub(super) fn raise(largest: &mut Option<(f64, u32)>, value: f64, line: u32) {
     if value > largest.map_or(0.0, |(value, _)| value) {
         *largest = Some((value, line));
     }

@@ -214,7 +214,11 @@ impl Vibration {
         {
             open.turns_at_junction(&part.end.kinks(&start));
         }
-        if !goes_on {
+        if goes_on {
+            if let (Some(open), Some(part)) = (&mut open, vibration.part) {
+                open.goes_over_junction(part.end.direction_change(&start), element.source.line);
+            }
+        } else {
             if let Some(part) = vibration.part.take() {
                 planner.push_barrier(SectionBarrier::PartEnd.into());
                 if let Some(open) = &mut open {

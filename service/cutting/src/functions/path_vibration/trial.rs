@@ -11,9 +11,10 @@ use std::borrow::Cow;
 
 use feedwave_motion::Quantity;
 
+use super::departure::Departure;
 use super::loads::AxisLoads;
 use super::trial_cuts::TrialCuts;
-use super::{GenerationMode, VibrationCondition, VibrationSettings};
+use super::{VibrationCondition, VibrationSettings};
 use crate::functions::sampling::Sampling;
 use crate::shared::wording::{decimal, round_up};
 
@@ -91,8 +92,7 @@ pub(super) struct Trial {
     pub(super) period_s: f64,
     /// Largest speed of the spindle, and of the tool that it turns.
     pub(super) max_rev_per_min: f64,
-    /// Largest curvature, 1/mm.
-    pub(super) curvature: f64,
+    pub(super) departure: Departure,
     pub(super) cuts: TrialCuts,
     pub(super) axes: AxisLoads,
 }
@@ -101,7 +101,7 @@ impl Trial {
     /// Adds another section with the same vibration and settings.
     pub(super) fn join(&mut self, other: &Self) {
         self.max_rev_per_min = self.max_rev_per_min.min(other.max_rev_per_min);
-        self.curvature = self.curvature.max(other.curvature);
+        self.departure.join(&other.departure);
         self.cuts.join(&other.cuts);
         self.axes.join(&other.axes);
     }
@@ -152,9 +152,8 @@ impl Trial {
         if Sampling::of(1.0 / (frequency_hz * self.period_s)) == Sampling::BelowNyquist {
             return Some(Objection::Sampling { period_s: self.period_s });
         }
-        let reach_mm = amplitude_mm * settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
-        let deviation_mm = 0.5 * reach_mm * reach_mm * self.curvature;
-        if settings.generation_mode != GenerationMode::AlongPath && deviation_mm > settings.contour_tolerance_mm {
+        let deviation_mm = self.departure.of_mm(settings.reach_mm(amplitude_mm));
+        if deviation_mm > settings.contour_tolerance_mm {
             return Some(Objection::Contour { deviation_mm, tolerance_mm: settings.contour_tolerance_mm });
         }
         let feed_ratios = spindle_rev_per_min.map_or([1.0; 2], |rev_per_min| self.cuts.feed_ratios(rev_per_min));

@@ -5,8 +5,7 @@ use core::f64::consts::TAU;
 use feedwave_motion::PathMotion;
 
 use super::super::{
-    GenerationMode, MIN_FREQUENCY_HZ, PEAK_RESERVE, RAMP_VIBRATIONS, SectionReport, VibrationEnvelope,
-    VibrationSettings,
+    MIN_FREQUENCY_HZ, PEAK_RESERVE, RAMP_VIBRATIONS, SectionReport, VibrationEnvelope, VibrationSettings,
 };
 use super::{SearchBlend, SearchCut, VibrationSearch};
 
@@ -109,10 +108,7 @@ impl VibrationSearch {
 
 /// Largest offset beside a curved path, mm, where the vibration leaves it.
 fn largest_on_contour_mm(section: &SectionReport, settings: &VibrationSettings) -> f64 {
-    match section.min_radius_mm.filter(|_| section.generation_mode != GenerationMode::AlongPath) {
-        Some(radius_mm) => (2.0 * settings.contour_tolerance_mm * radius_mm).sqrt(),
-        None => f64::INFINITY,
-    }
+    section.departure.largest_offset_mm(settings.contour_tolerance_mm)
 }
 
 /// The peaks that every axis can follow beside the feed: those of the vibration at its whole amplitude.
