@@ -102,6 +102,7 @@ impl Evidence {
         let servo_side = self.settings.generation_mode == GenerationMode::ServoSide;
         let with_values = |finding: Finding| {
             finding
+                .ranked("", 1.0 / samples)
                 .with_value("frequency", frequency_hz, "Hz")
                 .with_value("period", sampling.period_s, "s")
                 .with_value("samples_per_vibration", samples, "")
@@ -262,6 +263,8 @@ impl Evidence {
             decimal(length_mm, 4)
         );
         let finding = Finding::new(code::VIB_TRAVEL_SHORT, self.amplitude_span(), message)
+            .at("line", self.report.first_line.into())
+            .ranked("", ramps_mm - length_mm)
             .with_value("length", length_mm, "mm")
             .with_value("ramps", ramps_mm, "mm");
         Some(finding.suggest("use a longer section, or a smaller amplitude and a higher frequency"))
@@ -357,6 +360,8 @@ impl Evidence {
         );
         findings.push(
             Finding::new(code, self.on_span, message)
+                .at("line", self.report.first_line.into())
+                .ranked(axis.axis.clone(), axis.acceleration_per_s2 / axis.max_acceleration_per_s2)
                 .with_value("start_velocity_step", ends.start_velocity_step_mm_per_s, "mm/s")
                 .with_value("clamp_velocity_step", ends.clamp_velocity_step_mm_per_s, "mm/s")
                 .with_value("demanded", axis.acceleration_per_s2, unit)

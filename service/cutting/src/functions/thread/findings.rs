@@ -56,6 +56,7 @@ fn lead(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, span: Sou
         );
         findings.push(
             Finding::new(code::THREAD_LEAD_SPEED, span, message)
+                .ranked("", velocity / limit)
                 .with_value("velocity", velocity, "mm/s")
                 .with_value("limit", limit, "mm/s")
                 .suggest_value(
@@ -80,6 +81,7 @@ fn lead(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, span: Sou
         );
         findings.push(
             Finding::new(code::THREAD_RUN_UP, span, message)
+                .ranked("", shortest.angle_deg / job.run_up.angle_deg)
                 .with_value("run_up_angle", job.run_up.angle_deg, "deg")
                 .with_value("least", shortest.angle_deg, "deg")
                 .suggest_value(
@@ -122,6 +124,7 @@ fn sampling(
         Finding::new(code::THREAD_SAMPLING_COARSE, span, message)
     };
     let finding = finding
+        .ranked("", 1.0 / samples)
         .with_value("samples_per_vibration", samples, "")
         .with_value("frequency", report.frequency_hz, "Hz")
         .with_value("period", limits.period_s, "s");
@@ -158,6 +161,7 @@ fn profile(job: &ThreadJob, work_is_assumed: bool, findings: &mut FindingLog) {
     };
     findings.push(
         Finding::new(code, deepest.span, message)
+            .ranked("", width_mm - pitch_mm)
             .with_value("width", width_mm, "mm")
             .with_value("pitch", pitch_mm, "mm")
             .with_value("depth", deepest.depth_mm, "mm")
