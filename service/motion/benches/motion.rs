@@ -28,6 +28,7 @@ fn cubic() -> Move {
         tool: 0,
         spline: Some(Box::new(geometry)),
         path_control: PathControl::default(),
+        leads_xyz: false,
         cycle: None,
     }
 }
@@ -55,6 +56,7 @@ fn element(radius_mm: Option<f64>) -> Element {
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        leads_xyz: false,
         cycle: None,
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")

@@ -31,6 +31,7 @@ fn requests(turn_rad: f64, machine: &Machine) -> Vec<MotionRequest> {
             tool: 0,
             spline: None,
             path_control: PathControl::default(),
+            leads_xyz: false,
             cycle: None,
         };
         let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");

@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::axis::{Axis, LEAST_WAY_MM, way_of};
 use crate::{CompensationCommand, DrillingCycle, GuidedMove, MachineCommand, Plane, Position, SourceSpan, TiltedPlane};
 
 /// One step of the program.
@@ -71,6 +72,31 @@ impl Operation {
 }
 
 impl Move {
+    /// The feed along the path, whose length over all linear axes this is: where X, Y and Z are led alone, U, V and W make it longer.
+    #[must_use]
+    pub fn feed_on_path(&self, length_mm: f64) -> Feed {
+        if !self.leads_xyz {
+            return self.feed;
+        }
+        let way = |axes: [Axis; 3]| way_of(&self.start, &self.end, |axis| axes.contains(&axis));
+        let beside_mm = way([Axis::U, Axis::V, Axis::W]);
+        let straight_mm = way([Axis::X, Axis::Y, Axis::Z]);
+        let is_curved = self.arc.is_some() || self.spline.is_some();
+        let led_mm = match is_curved {
+            true => (length_mm * length_mm - beside_mm * beside_mm).max(0.0).sqrt().max(straight_mm),
+            false => straight_mm,
+        };
+        if beside_mm <= LEAST_WAY_MM || led_mm <= LEAST_WAY_MM {
+            return self.feed;
+        }
+        let ratio = length_mm / led_mm;
+        match self.feed {
+            Feed::PerMinute(feed) => Feed::PerMinute(feed * ratio),
+            Feed::PerRevolution(feed) => Feed::PerRevolution(feed * ratio),
+            feed @ Feed::InverseTime(_) => feed,
+        }
+    }
+
     /// Whether it moves nothing.
     pub(crate) fn is_nothing(&self) -> bool {
         self.start == self.end && self.arc.is_none() && self.spline.is_none()
@@ -105,6 +131,9 @@ pub struct Move {
     pub path_control: PathControl,
     /// Programmed feed; meaningless for rapids.
     pub feed: Feed,
+    /// Whether the feed is that of X, Y and Z while one of them moves, and U, V and W come along, as LinuxCNC has it; it is that of all
+    /// linear axes otherwise. See [`Move::feed_on_path`].
+    pub leads_xyz: bool,
     /// Spindle state while this block runs.
     pub spindle: Spindle,
     /// Tool number while this block runs, 0 before the first `T`.

@@ -17,7 +17,7 @@ impl Cut {
     /// Those of a block. Inverse time becomes the feed that it means on the programmed length: what is run may be shorter.
     #[must_use]
     pub fn of(mv: &Move, element: &Element) -> Self {
-        let feed = match mv.feed {
+        let feed = match mv.feed_on_path(element.length) {
             Feed::InverseTime(per_min) => Feed::PerMinute(element.length * per_min),
             feed => feed,
         };

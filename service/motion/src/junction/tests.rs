@@ -18,6 +18,7 @@ fn mv(start: [f64; 3], end: [f64; 3]) -> Move {
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        leads_xyz: false,
         cycle: None,
     }
 }

@@ -21,6 +21,7 @@ fn arc(radius: f64, angle: f64, sweep_rad: f64, rise: f64, error: f64) -> Elemen
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        leads_xyz: false,
         cycle: None,
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")

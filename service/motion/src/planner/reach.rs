@@ -175,6 +175,7 @@ mod tests {
             feed: Feed::PerMinute(600.0),
             spindle: Spindle::STOPPED,
             tool: 0,
+            leads_xyz: false,
             cycle: None,
         };
         let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");

@@ -24,6 +24,7 @@ pub(super) fn moved(start: Vector, end: Vector, arc: Option<ArcGeometry>) -> Mov
         feed: Feed::PerMinute(1_000.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        leads_xyz: false,
         cycle: None,
     }
 }

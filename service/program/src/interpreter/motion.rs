@@ -454,12 +454,13 @@ impl Execution<'_> {
             return self.emit_transformed(kind, end, arc, feed);
         }
         let (span, path_control, state) = (self.block.span(), self.path_control(), &*self.state);
+        let leads_xyz = self.table.dialect.is_linuxcnc;
         let feed = if kind == MoveKind::Cutting && arc.is_none() && end[3..] != state.position[3..] {
             self.feed_of_straight(&state.position, end, feed)
         } else {
             feed
         };
-        let step = || programmed_move(state, path_control, kind, end, arc, feed);
+        let step = || Move { leads_xyz, ..programmed_move(state, path_control, kind, end, arc, feed) };
         // In place, where a push would make the operation first and copy it then.
         self.operations.extend(core::iter::once_with(|| Operation { span, kind: OperationKind::Move(step()) }));
     }
@@ -477,7 +478,7 @@ impl Execution<'_> {
 
     /// The feed along the path of a straight cut, which [`straight_length`] measures, where other axes than X, Y and Z may move.
     ///
-    /// LinuxCNC leads the linear axes at F. FANUC controls lead all axes at it, a degree counted as a millimetre or, in inches, an inch
+    /// LinuxCNC leads X, Y and Z at F, see [`Move::feed_on_path`]. FANUC controls lead all axes at it, a degree counted as a millimetre or, in inches, an inch
     /// (B-63324EN, section 4.3): the time is √(x² + … + c²)/F. Degrees of rotary axes that turn alone are the same in inches.
     #[cold]
     fn feed_of_straight(&self, start: &Position, end: &Position, feed: Feed) -> Feed {
@@ -518,6 +519,7 @@ impl Execution<'_> {
     #[inline]
     pub(super) fn new_move(&self, kind: MoveKind, end: Position, feed: Feed) -> Move {
         let step = programmed_move(self.state, self.path_control(), kind, &end, None, feed);
+        let step = Move { leads_xyz: self.table.dialect.is_linuxcnc, ..step };
         match &self.state.coords.transform {
             None => step,
             Some(transform) => Move { start: transform.apply(&step.start), end: transform.apply(&step.end), ..step },
@@ -544,6 +546,7 @@ fn programmed_move(
         spline: None,
         path_control,
         feed,
+        leads_xyz: false,
         spindle: state.spindle(),
         tool: state.tool,
         cycle: None,

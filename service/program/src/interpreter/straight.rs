@@ -174,6 +174,7 @@ impl Interpreter {
             state.moved_by = span;
             let (path_control, spindle, tool) = (common.path_control, common.spindle, state.tool);
             let work_offset = common.work_offset;
+            let leads_xyz = self.table.dialect.is_linuxcnc;
             // In place, where a push would make the operation first and copy it then.
             operations.extend(core::iter::once_with(|| {
                 let step = Move {
@@ -185,6 +186,7 @@ impl Interpreter {
                     spline: None,
                     path_control,
                     feed,
+                    leads_xyz,
                     spindle,
                     tool,
                     cycle: None,

@@ -150,11 +150,13 @@ impl Follower {
         match kind {
             OperationKind::Move(step) => {
                 self.tip.interrupt();
-                self.count(step, span.line, sink);
+                let element = Element::from_move(step, *span);
+                let length_mm = element.as_ref().map_or(0.0, |element| element.length);
+                self.count(step, step.feed_on_path(length_mm), span.line, sink);
                 if step.kind == MoveKind::Rapid {
                     self.flush(sink);
                 }
-                let Some(element) = Element::from_move(step, *span) else { return };
+                let Some(element) = element else { return };
                 let cut = Cut::of(step, &element);
                 let cutting = self.cutting;
                 let joining = joining(self.cutting, &self.machine, self.corner_speed);
@@ -168,7 +170,7 @@ impl Follower {
             }
             OperationKind::Guided(guided) => {
                 self.flush(sink);
-                self.count(&guided.step, span.line, sink);
+                self.count(&guided.step, guided.step.feed, span.line, sink);
                 self.tip.follow(guided, *span, self.cutting, sink);
             }
             OperationKind::Thread(pass) => {
@@ -197,11 +199,11 @@ impl Follower {
     }
 
     /// Tells whether a line moves rapidly, and how fast it cuts.
-    fn count(&self, step: &Move, line: u32, sink: &mut impl ToolPathSink) {
+    fn count(&self, step: &Move, feed: Feed, line: u32, sink: &mut impl ToolPathSink) {
         if step.kind == MoveKind::Rapid {
             return sink.rapid(line);
         }
-        let feed_mm_per_min = match step.feed {
+        let feed_mm_per_min = match feed {
             Feed::PerMinute(feed) => feed,
             Feed::PerRevolution(feed) => feed * max_rev_per_min(&step.spindle),
             Feed::InverseTime(_) => f64::INFINITY,

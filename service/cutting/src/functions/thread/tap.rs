@@ -100,6 +100,7 @@ pub(crate) fn straight(stroke: &ThreadMove) -> Move {
         feed: feedwave_program::Feed::PerRevolution(stroke.lead_mm),
         spindle: stroke.spindle,
         tool: stroke.tool,
+        leads_xyz: false,
         cycle: None,
     }
 }

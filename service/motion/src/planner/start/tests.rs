@@ -43,6 +43,7 @@ pub(in crate::planner) fn request(
         feed: Feed::PerMinute(feed),
         spindle: Spindle::STOPPED,
         tool: 0,
+        leads_xyz: false,
         cycle: None,
     };
     let element = Element::from_move(&mv, SourceSpan::default())?;

@@ -80,6 +80,7 @@ impl Writer {
             feed: Feed::PerMinute(100.0),
             spindle: Spindle::STOPPED,
             tool: 1,
+            leads_xyz: false,
             cycle: None,
         });
         self.at = to;

@@ -33,6 +33,7 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>, line: u32) 
         tool: 1,
         spline: None,
         path_control: feedwave_program::PathControl::default(),
+        leads_xyz: false,
         cycle: None,
     };
     Element::from_move(&mv, SourceSpan { line, column: 1, length: 20, ..SourceSpan::default() })

@@ -1,7 +1,7 @@
 //! Work coordinate systems, `G52`, the family of `G92`, reference positions, rotary axes.
 
 use super::*;
-use crate::{WorkOffset, WorkSystem};
+use crate::{WorkOffset, WorkSystem, straight_length};
 
 #[test]
 fn work_offsets_and_shifts_of_linuxcnc() {
@@ -239,6 +239,43 @@ fn fanuc_leads_linear_and_rotary_axes_at_one_feed() {
     // A degree counts as an inch.
     let found = feeds(&mill(), "G20 G91 G1 X3. C4. F10.");
     assert!((found[0].0 - 254.0 * 0.6).abs() < 1e-9, "{found:?}");
+}
+
+#[test]
+fn linuxcnc_leads_x_y_and_z_or_u_v_and_w_where_these_rest() {
+    let program =
+        "G91 G18 G1 X3 U4 F60\nU4\nX3\nX3 U4 C90\nU4 C90\nC90\nG3 X6 U4 I3\nM3 S100 G95 G1 X3 V4 F.1\nG93 X3 W4 F2";
+    let steps = |settings: &LanguageSettings| -> Vec<Move> {
+        let operations = run_with(settings, &[], program).operations.into_iter();
+        let step =
+            |operation: Operation| if let OperationKind::Move(step) = operation.kind { Some(step) } else { None };
+        operations.filter_map(step).collect()
+    };
+    let on_path = |step: &Move, half_circle: bool| {
+        let length_mm = if half_circle {
+            (3.0 * core::f64::consts::PI).hypot(4.0)
+        } else {
+            straight_length(&step.start, &step.end)
+        };
+        let (Feed::PerMinute(feed) | Feed::PerRevolution(feed) | Feed::InverseTime(feed)) =
+            step.feed_on_path(length_mm);
+        feed
+    };
+    let found = steps(&linuxcnc());
+    assert_eq!(
+        feeds(&linuxcnc(), program).iter().map(|feed| feed.0).collect::<Vec<_>>(),
+        [60.0, 60.0, 60.0, 60.0, 60.0, 60.0, 60.0, 0.1, 2.0]
+    );
+    let half_circle = 3.0 * core::f64::consts::PI;
+    let expected = [100.0, 60.0, 60.0, 100.0, 60.0, 60.0, 60.0 * half_circle.hypot(4.0) / half_circle, 0.5 / 3.0, 2.0];
+    for (step, expected) in found.iter().zip(expected) {
+        let found = on_path(step, step.arc.is_some());
+        assert!((found - expected).abs() < 1e-9, "{found} and not {expected}: {step:?}");
+    }
+    assert_eq!(found.len(), expected.len());
+    // All linear axes together elsewhere.
+    let found = steps(&mill());
+    assert!(found.iter().all(|step| step.feed_on_path(5.0) == step.feed), "{found:?}");
 }
 
 #[test]

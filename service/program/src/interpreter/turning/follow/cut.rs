@@ -69,6 +69,7 @@ impl Interpreter {
             // Passes go through their corners exactly; the contour is cut as the program says.
             path_control: if follows { state.path_control } else { PathControl::ExactPath },
             feed: if step.is_rapid { Feed::PerMinute(0.0) } else { run.request.feed.unwrap_or(Feed::PerMinute(0.0)) },
+            leads_xyz: false,
             spindle: state.spindle(),
             tool: state.tool,
             cycle: None,
