@@ -291,7 +291,10 @@ impl Block {
                 TokenKind::Output if table.dialect.expressions.has_output => {
                     self.note_output(token.start, token.end, findings);
                 }
-                TokenKind::BlockDelete if !slash_seen && self.is_labelled_only() => {
+                // LinuxCNC knows it before the line number only.
+                TokenKind::BlockDelete
+                    if !slash_seen && self.is_labelled_only() && (self.is_at_start() || !table.dialect.is_linuxcnc) =>
+                {
                     slash_seen = true;
                     if block_delete {
                         break;
@@ -380,6 +383,12 @@ impl Block {
     /// Whether no word was read but a line number.
     const fn is_labelled_only(&self) -> bool {
         self.letters & !letter_bit(b'N') == 0 && !self.has_codes()
+    }
+
+    /// Whether nothing of the line but blanks, and what skips it, has been read.
+    #[inline(always)]
+    fn is_at_start(&self) -> bool {
+        self.extent.0 == u32::MAX && self.comment.1 == 0 && self.assignments.is_empty()
     }
 
     /// Whether a block with a macro call has words or other codes before it, beside a line number.
@@ -497,7 +506,7 @@ impl Block {
     fn take_value(&mut self, place: usize, number: Number, (start, end): (u32, u32), table: &CodeTable) -> bool {
         let bit = 1 << place;
         let fits = match bit == letter_bit(b'N') {
-            true => is_label(number),
+            true => is_label(number) && (self.is_at_start() || !table.dialect.is_linuxcnc),
             false => number.value().abs() <= LARGEST_NUMBER,
         };
         if bit & table.value_letters & !self.letters == 0 || !fits {
@@ -513,6 +522,7 @@ impl Block {
     #[inline(never)]
     fn add_other_word(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
         let Token { letter, number, .. } = token;
+        let is_first = self.is_at_start();
         self.extent.0 = self.extent.0.min(token.start);
         self.extent.1 = token.end;
         let place = usize::from(letter - b'A');
@@ -529,6 +539,12 @@ impl Block {
                     finding.message = format!("address letter {} is not known", char::from(letter));
                     finding
                 });
+            }
+            // Two of them are one finding, that they are.
+            Letter::Label
+                if letter == b'N' && table.dialect.is_linuxcnc && !is_first && self.letters & letter_bit(b'N') == 0 =>
+            {
+                return self.report_late_label(token, findings);
             }
             Letter::Label if letter == b'N' && table.dialect.is_linuxcnc && is_divided_label(number) => {}
             Letter::Label if !is_label(number) => return self.report_label(token, findings),

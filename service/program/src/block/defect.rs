@@ -133,6 +133,20 @@ impl Block {
         });
     }
 
+    /// A line number of LinuxCNC behind something else of its block, which its interpreter does not read.
+    #[cold]
+    pub(super) fn report_late_label(&mut self, token: Token, findings: &mut FindingLog) {
+        self.defect(code::LINE_NUMBER_LATE, token, findings, |mut finding| {
+            let number = token.number.value();
+            finding.message = format!("N{number} is not the first word of its block: LinuxCNC refuses it there");
+            let finding = finding.with_value("number", number, "");
+            finding.suggest_replacement(
+                "write it at the start of the block, or remove it: a line number moves nothing",
+                "",
+            )
+        });
+    }
+
     /// Whether a token begins the name of a program in `< >`, behind `O` or in a call.
     pub(super) fn is_program_name(line: &[u8], token: Token) -> bool {
         let is_letter = token.kind == TokenKind::LoneLetter;
@@ -278,6 +292,10 @@ impl Block {
                 TokenKind::BlockDelete if line[..start].ends_with(b" ") => (
                     "/ inside a block skips the rest of it on some controls only".to_owned(),
                     "write what may be skipped in a block of its own that begins with /",
+                ),
+                TokenKind::BlockDelete => (
+                    "/ skips a block where it is the first of it".to_owned(),
+                    "write it at the start of the block, before a line number",
                 ),
                 _ => (format!("{text} has no meaning here"), if within { AGAIN } else { "remove it" }),
             };

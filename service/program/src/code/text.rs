@@ -115,6 +115,14 @@ crate::finding_codes! {
         example: lathe("T1.5"),
     }
 
+    "PRG-LINE-NUMBER-LATE" [LINE_NUMBER_LATE: Error] {
+        meaning: "a line number behind other words of its block",
+        cause: "LinuxCNC reads a line number only as the first word of a block, and refuses `N` anywhere else. FANUC and Haas controls take \
+              it anywhere.",
+        cure: "Write it at the start of the block, or remove it.",
+        example: on("mill, language.dialect = DIALECT_LINUXCNC", "G0 X1 N5"),
+    }
+
     "PRG-NUMBER-SPACED" [NUMBER_SPACED: Warning] {
         meaning: "a number written with spaces inside, read as one number",
         cause: "Some controls ignore blanks, so `X1 0` is X10 there; a reader may take it for two numbers.",

@@ -21,6 +21,26 @@ fn a_program_has_an_end() {
 }
 
 #[test]
+fn a_line_number_is_the_first_word() {
+    let moved = "rapid 0 -> X1";
+    for line in ["N5 G0 X1", " N5.5 (comment) G0 X1", "N5G0X1", "/N5 G0 X1", "/ N5 G0 X1"] {
+        check(&linuxcnc(), line, moved);
+    }
+    check(&linuxcnc(), "G0 X1 N5", "! 1:7+2 PRG-LINE-NUMBER-LATE");
+    check(&linuxcnc(), "(comment) N5 G0 X1", "! 1:11+2 PRG-LINE-NUMBER-LATE");
+    check(&linuxcnc(), "#1=5 N5 G0 X1", "! 1:6+2 PRG-LINE-NUMBER-LATE");
+    check(&linuxcnc(), "N4 N5 G0 X1", "! 1:4+2 PRG-WORD-DUPLICATE");
+    check(&linuxcnc(), "N5/G0 X1", "! 1:3+1 PRG-CHARACTER");
+    check(&linuxcnc(), "(comment) /G0 X1", "! 1:11+1 PRG-CHARACTER");
+    // The words of a block have no order on other controls.
+    for settings in [mill(), lathe()] {
+        for line in ["G0 X1. N5", "(comment) N5 G0 X1.", "N5/G0 X1."] {
+            assert!(!interpret(line.as_bytes(), settings.clone()).1.has_errors(), "{line}");
+        }
+    }
+}
+
+#[test]
 fn a_move_may_follow_a_dwell() {
     check(&linuxcnc(), "G0 G4 P1 X5", "dwell 1\nrapid 0 -> X5");
     check(&linuxcnc(), "G0\nG4 P1 X5", "! 2:7+2 PRG-WORD-UNUSED");
