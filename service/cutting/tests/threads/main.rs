@@ -468,6 +468,34 @@ fn the_passes_of_one_block_are_one_finding_with_the_worst_of_them() {
     assert_eq!(keys.len(), report.findings.len(), "{:#?}", codes(&report));
 }
 
+#[test]
+fn what_comes_between_the_blocks_of_a_thread_stops_the_tool_in_the_work() {
+    let found = |between: &str, config: &PipelineConfig| {
+        let lead = if config.profile.language.dialect == feedwave_program::DialectName::LinuxCnc { 'K' } else { 'F' };
+        let program = format!(
+            "G97 M3 S300\nG0 X8 Z100\nG{} Z80 {lead}2.5\n{between}G{0} Z60 {lead}2.5\nG0 X14\nZ100\nM30\n",
+            if lead == 'K' { 33 } else { 32 }
+        );
+        let report = validate(&program, config);
+        let stops = report.findings.into_iter().filter(|finding| finding.code == "THREAD-STOPS");
+        stops.map(|finding| (finding.span.line, finding.severity, finding.related.len())).collect::<Vec<_>>()
+    };
+    let mut linuxcnc = lathe();
+    linuxcnc.profile.language.dialect = feedwave_program::DialectName::LinuxCnc;
+    for config in [lathe(), linuxcnc] {
+        assert_eq!(found("", &config), []);
+        assert_eq!(found("(A COMMENT)\n", &config), []);
+        for between in ["S400\n", "G4 P0.5\n", "M8\n"] {
+            assert_eq!(found(between, &config), [(5, Severity::Warning, 1)], "{between}");
+        }
+        // In the block itself; or where the tool leaves the thread in between.
+        assert_eq!(found("S400 ", &config), [(4, Severity::Warning, 1)]);
+        for between in ["G0 X14\nS400\nX8\n", "S400\nG0 X14\nG0 X8\n"] {
+            assert_eq!(found(between, &config), [], "{between}");
+        }
+    }
+}
+
 /// What is only assumed of the work refuses nothing.
 #[test]
 fn a_groove_that_is_too_wide_by_an_assumed_depth_is_a_warning() {

@@ -215,6 +215,12 @@ impl Builder {
             // Everything but another cut happens on the programmed point, and in the section that it belongs to.
             self.flush(config, planner, findings);
         }
+        let is_thread = matches!(&operation.kind, OperationKind::Thread(mv) if mv.kind == ThreadKind::Turned);
+        if !is_thread {
+            let moves =
+                matches!(operation.kind, OperationKind::Move(_) | OperationKind::Guided(_) | OperationKind::Thread(_));
+            self.state.functions.threads.interrupt(operation.span, moves);
+        }
         if self.state.functions.threads.is_waiting() && !matches!(operation.kind, OperationKind::Thread(_)) {
             // A pass goes on only in the very next block.
             self.flush_threads(config, planner, findings);

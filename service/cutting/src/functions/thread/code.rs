@@ -89,6 +89,14 @@ feedwave_program::finding_codes! {
         example: lathe("M3 S300\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG0 Z100\nM3 S400\nG0 X7.5\nG32 Z60 F2.5\nG0 X14\nM30"),
     }
 
+    "THREAD-STOPS" [THREAD_STOPS: Warning] {
+        meaning: "something between the blocks of a thread stops the tool in the work",
+        cause: "Threading blocks that follow each other are one thread. A spindle speed, a dwell or an M code between them ends it: the tool \
+              stops, and waits for the spindle before it goes on, at another speed in another place than the groove.",
+        cure: "Write it before the first block of the thread, or behind the last one.",
+        example: on("lathe, language.dialect = DIALECT_LINUXCNC", "M3 S300\nG0 X4 Z100\nG33 Z80 K2.5\nS400\nG33 Z60 K2.5\nG0 X7\nM30"),
+    }
+
     "SPINDLE-STOPPED" [THREAD_SPINDLE_STOPPED: Error] {
         meaning: "a thread follows the spindle, which does not turn at a constant speed",
         cause: "The machine's limit leaves the spindle no speed, or the speed is unlimited at X0.",

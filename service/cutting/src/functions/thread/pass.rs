@@ -36,10 +36,14 @@ impl ThreadBlock {
 
     /// Whether `next` goes on with the same thread: only the first block waits for the spindle.
     pub(crate) fn goes_on_in(&self, next: &ThreadMove) -> bool {
+        self.is_left_at(next) && self.mv.spindle == next.spindle
+    }
+
+    /// Whether `next` begins where this block leaves the tool.
+    pub(crate) fn is_left_at(&self, next: &ThreadMove) -> bool {
         self.mv.pull_out.is_none()
             && self.mv.end == next.start
             && self.mv.work_offset == next.work_offset
-            && self.mv.spindle == next.spindle
             && self.mv.plane == next.plane
     }
 

@@ -35,11 +35,39 @@ pub(crate) struct Threads {
     rapid: Option<(Move, SourceSpan)>,
     /// Blocks of one pass, as long as more may follow.
     blocks: Vec<ThreadBlock>,
+    /// The last block of a pass behind which something else came, until something moves.
+    interrupted: Option<Box<Interrupted>>,
     open: Option<Box<OpenThread>>,
     /// Threads that were closed: the reports there are while validating.
     closed: u64,
     /// That the feed override does not act on taps was said.
     taps_reported: bool,
+}
+
+/// A pass that would have gone on but for what comes behind it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Interrupted {
+    last: ThreadBlock,
+    by: SourceSpan,
+}
+
+impl Interrupted {
+    /// The finding that the tool stops within the thread, where `next` is its next block.
+    fn finding(&self, next: &ThreadBlock) -> Option<Finding> {
+        let [before, behind] = [self.last.travel(), next.travel()];
+        let goes_on = before[0] * behind[0] + before[1] * behind[1] > 0.0;
+        if !(goes_on && self.last.is_left_at(&next.mv)) {
+            return None;
+        }
+        let message = format!(
+            "the thread of line {} would go on here, but line {} comes between: the tool stops in the work, and waits there for \
+             the spindle to come round",
+            self.last.span.line, self.by.line
+        );
+        let finding = Finding::new(code::THREAD_STOPS, next.span, message).ranked("", 0.0);
+        let finding = finding.related_to("what comes between", self.by);
+        Some(finding.suggest("write it before the first block of the thread, or behind the last one"))
+    }
 }
 
 /// Vibration of threads is on.
@@ -126,6 +154,15 @@ impl Threads {
         self.rapid.is_some() && mv.plane.is_some() || self.blocks.last().is_some_and(|last| !last.goes_on_in(mv))
     }
 
+    /// Something other than a thread comes behind the blocks that wait.
+    pub(crate) fn interrupt(&mut self, by: SourceSpan, moves: bool) {
+        if moves {
+            self.interrupted = None;
+        } else if let Some(last) = self.blocks.last() {
+            self.interrupted = Some(Box::new(Interrupted { last: last.clone(), by }));
+        }
+    }
+
     /// Whether passes may still join a thread.
     pub(crate) const fn is_open(&self) -> bool {
         self.open.is_some()
@@ -146,6 +183,10 @@ impl Threads {
         span: SourceSpan,
         findings: &mut FindingLog,
     ) {
+        let block = ThreadBlock { mv: mv.clone(), frame, span };
+        if let Some(finding) = self.interrupted.take().and_then(|it| it.finding(&block)) {
+            findings.push(finding);
+        }
         let blocks = &mut self.blocks;
         if blocks.len() >= MAX_THREAD_PARTS {
             let message = format!("the thread has more than {MAX_THREAD_PARTS} parts");
@@ -160,7 +201,7 @@ impl Threads {
             let finding = Finding::new(code::THREAD_PART_VIBRATION, span, message);
             findings.push(finding.suggest("write A and R in the first block of the thread only"));
         }
-        blocks.push(ThreadBlock { mv: mv.clone(), frame, span });
+        blocks.push(block);
     }
 
     /// What waits, to be planned now.
