@@ -19,8 +19,8 @@ pub use frame::config::{
 pub use frame::interpretation::{Interpretation, InterpretationStep};
 pub use frame::pipeline::{AppendError, Pipeline, SnapshotError, SpindleChangeError, Step};
 pub use frame::profile::{
-    MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_OVERRIDE_RATIO, MAX_POLE_TOLERANCE_DEG,
-    MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS, MachineProfile, PlanQuality,
+    MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_HOLD_S, MAX_LOOK_AHEAD_BLOCKS, MAX_OVERRIDE_RATIO, MAX_POLE_TOLERANCE_DEG,
+    MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS, MIN_OVERRIDE_RATIO, MachineProfile, PlanQuality, is_override_ratio,
 };
 pub use frame::report::{
     AxisLimitTimes, AxisSummary, LimitTimes, PathDeviation, PeakPlace, ProgramSummary, Slowdown, SlowdownCause,

@@ -2,17 +2,18 @@
 
 use std::sync::Arc;
 
-use feedwave_contract::convert::{MAX_FEED_OVERRIDE, overrides_from_proto};
+use feedwave_contract::convert::overrides_from_proto;
 use feedwave_contract::proto::FeedOverrideChange;
 use feedwave_contract::proto::feed_override_change::At;
 use feedwave_contract::violations::Violations;
-use feedwave_cutting::PipelineConfig;
+use feedwave_cutting::{MAX_OVERRIDE_RATIO, MIN_OVERRIDE_RATIO, PipelineConfig, is_override_ratio};
 
 use super::CliError;
 use super::plan::time;
 
-/// Highest feed override, %.
-const MAX_PERCENT: f64 = 100.0 * MAX_FEED_OVERRIDE;
+/// Lowest and highest feed override, %.
+const MIN_PERCENT: f64 = 100.0 * MIN_OVERRIDE_RATIO;
+const MAX_PERCENT: f64 = 100.0 * MAX_OVERRIDE_RATIO;
 
 /// Options that change the feed override.
 #[derive(Clone, Debug, clap::Args)]
@@ -20,8 +21,8 @@ pub(super) struct OverrideArgs {
     /// Change the feed override at a time to a percentage of the programmed feed; repeat it for every change
     ///
     /// `2.5:40` runs at 40 % from 2.5 s on. 0 % is feed hold: the path comes to rest as soon as it can, and goes on with
-    /// the next change, so that the last one must be above 0. At most 200 %; changes are given in the order of time, and
-    /// before the first one the feed is as programmed. The path stays the same and every axis within its limits; rapid
+    /// the next change, within a day, so that the last one must be above 0. Otherwise 1 to 200 %; changes are given in the
+    /// order of time, and before the first one the feed is as programmed. The path stays the same and every axis within its limits; rapid
     /// moves are held but not slowed down, dwells and the spindle go on as they are.
     #[arg(long = "override", value_name = "SECONDS:PERCENT", value_parser = change)]
     changes: Vec<Change>,
@@ -73,11 +74,13 @@ fn change(text: &str) -> Result<Change, String> {
         .ok_or("must be a time and a percentage with a colon between them, such as 2.5:40 for 40 % from 2.5 s on")?;
     let time_s = time(seconds).map_err(|reason| format!("the time {seconds:?} {reason}"))?;
     match percent.trim_end_matches('%').parse::<f64>() {
-        Ok(value) if (0.0..=MAX_PERCENT).contains(&value) => {
+        Ok(value) if is_override_ratio(value / 100.0) => {
             let change = FeedOverrideChange { at: Some(At::TimeS(time_s)), ratio: Some(value / 100.0) };
             Ok(Change { text: text.to_owned(), change })
         }
-        _ => Err(format!("the percentage {percent:?} must be a number from 0 (feed hold) to {MAX_PERCENT}")),
+        _ => Err(format!(
+            "the percentage {percent:?} must be 0 (feed hold), or a number from {MIN_PERCENT} to {MAX_PERCENT}"
+        )),
     }
 }
 
@@ -106,7 +109,10 @@ mod tests {
             ("2", "with a colon"),
             ("x:50", "the time \"x\" must be a number of seconds"),
             ("-1:50", "the time \"-1\" must be"),
-            ("1:201", "the percentage \"201\" must be a number from 0"),
+            ("1:201", "the percentage \"201\" must be 0 (feed hold), or a number from 1 to 200"),
+            ("0:1e-9", "the percentage \"1e-9\" must be 0 (feed hold), or a number from 1 to 200"),
+            ("0:0.99", "the percentage \"0.99\" must be"),
+            ("0:-1", "the percentage \"-1\" must be"),
             ("1:", "the percentage \"\" must be"),
             ("1:nan", "the percentage \"nan\" must be"),
         ] {

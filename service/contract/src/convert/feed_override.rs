@@ -1,6 +1,9 @@
 //! Changes of the feed override: from the contract to the pipeline.
 
-use feedwave_cutting::{MAX_SETPOINTS, OverrideChange, setpoint_index_at};
+use feedwave_cutting::{
+    MAX_HOLD_S, MAX_OVERRIDE_RATIO, MAX_SETPOINTS, MIN_OVERRIDE_RATIO, OverrideChange, is_override_ratio,
+    setpoint_index_at,
+};
 
 use crate::proto::FeedOverrideChange;
 use crate::proto::feed_override_change::At;
@@ -8,8 +11,6 @@ use crate::violations::Violations;
 
 /// Changes of the feed override in one request.
 pub const MAX_OVERRIDES: usize = 10_000;
-/// Highest feed override, as a ratio (1 = programmed).
-pub const MAX_FEED_OVERRIDE: f64 = 2.0;
 
 /// The changes as the pipeline needs them at this interpolation period; a violation for each field that is wrong. A
 /// time becomes the first setpoint at or after it.
@@ -24,14 +25,17 @@ pub fn overrides_from_proto(
         return Vec::new();
     }
     let mut converted: Vec<OverrideChange> = Vec::with_capacity(changes.len());
+    let held_at_most = (1e6 * MAX_HOLD_S / f64::from(period_us.max(1))) as u64;
+    let mut held_from = None;
     for (number, change) in changes.iter().enumerate() {
         let name = |part: &str| format!("{field}[{number}].{part}");
         // Absent is not 0: that would hold the feed.
         let ratio = change.ratio.unwrap_or(f64::NAN);
         if change.ratio.is_none() {
             violations.add(name("ratio"), "must be set");
-        } else if !(0.0..=MAX_FEED_OVERRIDE).contains(&ratio) {
-            violations.add(name("ratio"), format!("must be 0 to {MAX_FEED_OVERRIDE}, is {ratio}"));
+        } else if !is_override_ratio(ratio) {
+            let permitted = format!("0 (feed hold), or {MIN_OVERRIDE_RATIO} to {MAX_OVERRIDE_RATIO}");
+            violations.add(name("ratio"), format!("must be {permitted}, is {ratio}"));
         }
         let index = match change.at {
             None => Err(("at", "time_s or setpoint_index must be set".to_owned())),
@@ -47,12 +51,20 @@ pub fn overrides_from_proto(
                 Err((part, format!("must be at most setpoint {MAX_SETPOINTS}, is setpoint {index}")))
             } else if index < before {
                 Err((part, format!("must not lie before the change above it, at setpoint {before}")))
+            } else if held_from.is_some_and(|from| index - from > held_at_most) {
+                Err((
+                    part,
+                    format!("must lie within {MAX_HOLD_S} s of where the feed is held, as that is the longest hold"),
+                ))
             } else {
                 Ok(index)
             }
         });
         match index {
-            Ok(index) => converted.push(OverrideChange { index, ratio }),
+            Ok(index) => {
+                held_from = if ratio == 0.0 { held_from.or(Some(index)) } else { None };
+                converted.push(OverrideChange { index, ratio });
+            }
             Err((part, description)) => violations.add(name(part), description),
         }
     }
@@ -123,6 +135,24 @@ mod tests {
             "overrides[10].ratio",
         ];
         assert_eq!(convert(&changes, 1_000).unwrap_err(), expected);
+    }
+
+    #[test]
+    fn ratios_and_holds_that_would_plan_for_ever_are_refused() {
+        for (ratio, refused) in [(1e-11, true), (f64::MIN_POSITIVE, true), (0.009_9, true), (0.01, false), (2.0, false)]
+        {
+            let fields = if refused { Err(vec!["overrides[0].ratio".to_owned()]) } else { Ok(1) };
+            assert_eq!(convert(&[at_time(0.0, ratio)], 1_000).map(|changes| changes.len()), fields, "{ratio}");
+        }
+        let held = |changes: &[(f64, f64)]| {
+            let changes: Vec<_> = changes.iter().map(|&(time_s, ratio)| at_time(time_s, ratio)).collect();
+            convert(&changes, 1_000).map(|changes| changes.len())
+        };
+        assert_eq!(held(&[(10.0, 0.0), (86_410.0, 1.0)]), Ok(2));
+        assert_eq!(held(&[(10.0, 0.0), (86_410.1, 1.0)]), Err(vec!["overrides[1].time_s".to_owned()]));
+        // Held once more is held on.
+        assert_eq!(held(&[(0.0, 0.0), (80_000.0, 0.0), (90_000.0, 1.0)]), Err(vec!["overrides[2].time_s".to_owned()]));
+        assert_eq!(held(&[(0.0, 0.0), (80_000.0, 0.5), (80_001.0, 0.0), (90_000.0, 1.0)]), Ok(4));
     }
 
     #[test]

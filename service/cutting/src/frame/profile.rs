@@ -11,6 +11,7 @@ use crate::functions::path_vibration::{MIN_FREQUENCY_HZ, VibrationSettings};
 use crate::functions::thinning::ThinningSettings;
 use crate::functions::thread::ThreadVibrationSettings;
 use crate::functions::tool_oscillation::{FloorSettings, NamedCondition, condition_problems};
+use crate::shared::checks::MAX_BLOCK_DURATION_S;
 use crate::shared::following::FollowingModel;
 use crate::shared::track::MAX_AMPLITUDE_MM;
 
@@ -358,8 +359,20 @@ const MAX_CHAMFER_TENTHS: u32 = 127;
 const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
 pub const MAX_SERVO_SUBSTEPS: u32 = 64;
+/// Lowest ratio of the feed override but for 0, which holds the feed: the step of the switch of common controls. At a ratio r a program
+/// takes 1/r of its time and has as many more setpoints, so there is a lowest one.
+pub const MIN_OVERRIDE_RATIO: f64 = 0.01;
 /// Highest ratio of the feed override.
 pub const MAX_OVERRIDE_RATIO: f64 = 2.0;
+/// Longest hold of the feed that is planned, s: as long as a block may take.
+pub const MAX_HOLD_S: f64 = MAX_BLOCK_DURATION_S;
+
+/// Whether the feed override can have this ratio: 0, which holds the feed, or [`MIN_OVERRIDE_RATIO`] to [`MAX_OVERRIDE_RATIO`].
+#[must_use]
+pub fn is_override_ratio(ratio: f64) -> bool {
+    ratio == 0.0 || (MIN_OVERRIDE_RATIO..=MAX_OVERRIDE_RATIO).contains(&ratio)
+}
+
 /// Default bound of monitoring, and the common end of a machine's override switch.
 const DEFAULT_MAX_FEED_OVERRIDE: f64 = 1.5;
 /// Fewest elements looked ahead.

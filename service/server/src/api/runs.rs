@@ -14,7 +14,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::stream::ColumnSet;
 use feedwave_contract::{names, proto};
-use feedwave_cutting::{Frame, GenerationMode, MAX_OVERRIDE_RATIO, PipelineConfig};
+use feedwave_cutting::{Frame, GenerationMode, MAX_OVERRIDE_RATIO, MIN_OVERRIDE_RATIO, PipelineConfig};
 use feedwave_monitoring::{Monitor, MonitoringConfig, SpindleRule};
 use feedwave_store::{AttachedRun, JobDetail, JobState, NewRun, RunKind};
 use futures_util::{StreamExt as _, stream};
@@ -195,6 +195,12 @@ impl Api {
         if upper > MAX_OVERRIDE_RATIO {
             return unfit(format!(
                 "rules.feed_bounds.upper is {upper}, setpoints follow a feed override up to {MAX_OVERRIDE_RATIO}: lower it"
+            ));
+        }
+        let lower = monitoring.rules.feed_bounds.lower;
+        if lower < MIN_OVERRIDE_RATIO {
+            return unfit(format!(
+                "rules.feed_bounds.lower is {lower}, setpoints follow a feed override from {MIN_OVERRIDE_RATIO} on: raise it"
             ));
         }
         let judged = engine::job_config(detail)?.profile.max_feed_override;

@@ -446,7 +446,10 @@ async fn what_a_run_cannot_do_is_refused_before_anything_moves() {
     // Beyond what the chip of its vibration was judged up to.
     let mut unjudged = config();
     unjudged.rules.as_mut().unwrap().feed_bounds = Some(OverrideBounds { lower: 0.1, upper: 1.6 });
-    for unfit in [too_fast, unjudged] {
+    // Below what is planned.
+    let mut too_slow = config();
+    too_slow.rules.as_mut().unwrap().feed_bounds = Some(OverrideBounds { lower: 1e-9, upper: 1.0 });
+    for unfit in [too_fast, unjudged, too_slow] {
         let request = SetMonitoringRequest { job: job.name.clone(), config: Some(unfit) };
         monitoring.set_monitoring(request).await.unwrap();
         let start = RunStart { target: target(), ..Default::default() };

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
 use crate::frame::config::{MAX_SETPOINTS, OverrideChange};
-use crate::frame::profile::MAX_OVERRIDE_RATIO;
+use crate::frame::profile::{MAX_OVERRIDE_RATIO, MIN_OVERRIDE_RATIO, is_override_ratio};
 
 /// A change of the feed override that cannot be appended; nothing changes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -19,8 +19,8 @@ pub enum AppendError {
         /// See [`Pipeline::earliest_override`].
         earliest: u64,
     },
-    /// Not a number from 0 to [`MAX_OVERRIDE_RATIO`].
-    #[error("a feed override of {0} is not between 0 and {MAX_OVERRIDE_RATIO}")]
+    /// Neither 0 nor a number from [`MIN_OVERRIDE_RATIO`] to [`MAX_OVERRIDE_RATIO`].
+    #[error("a feed override of {0} is neither 0 nor between {MIN_OVERRIDE_RATIO} and {MAX_OVERRIDE_RATIO}")]
     Ratio(f64),
 }
 
@@ -48,7 +48,7 @@ impl Pipeline {
     /// [`AppendError`] for a change before [`Pipeline::earliest_override`] or an impossible ratio.
     pub fn append_override(&mut self, change: OverrideChange) -> Result<(), AppendError> {
         let OverrideChange { index, ratio } = change;
-        if !(0.0..=MAX_OVERRIDE_RATIO).contains(&ratio) {
+        if !is_override_ratio(ratio) {
             return Err(AppendError::Ratio(ratio));
         }
         let earliest = self.earliest_override();
