@@ -67,6 +67,7 @@ pub struct Plots {
     program: String,
     turning: bool,
     axes: Vec<AxisShown>,
+    axes_are_the_machines: bool,
     trace: PathTrace,
     rapids: RapidLines,
     curves: MotionCurves,
@@ -93,8 +94,9 @@ impl Plots {
             trace: PathTrace::default(),
             rapids: RapidLines::default(),
             curves: MotionCurves::new(&axes, period_s),
+            dynamics: PathDynamics::new(&axes, command_period_s),
             axes,
-            dynamics: PathDynamics::new(command_period_s),
+            axes_are_the_machines: true,
             chips: Vec::new(),
             deviations: None,
             five_axis: None,
@@ -109,6 +111,11 @@ impl Plots {
     /// Adds a picture of the path as programmed and as run.
     pub fn set_deviations(&mut self, deviations: PathDeviations) {
         self.deviations = Some(deviations);
+    }
+
+    /// Says that the setpoints are in the coordinates of the work, which the axes of the machine are not.
+    pub const fn show_the_work(&mut self) {
+        self.axes_are_the_machines = false;
     }
 
     /// Says that what is superposed on the path is a tool oscillation.
@@ -166,12 +173,13 @@ impl Plots {
     /// Every picture, as data.
     fn figures(&self) -> Vec<Figure> {
         let (program, turning, trace, curves) = (self.program.as_str(), self.turning, &self.trace, &self.curves);
-        let (dynamics, axes) = (&self.dynamics, self.axes.as_slice());
+        let (dynamics, axes, axes_are_the_machines) =
+            (&self.dynamics, self.axes.as_slice(), self.axes_are_the_machines);
         let mut figures = vec![
             ToolPathPicture { program, trace, turning }.figure(),
             PositionPicture { program, curves }.figure(),
             FeedPicture { program, curves }.figure(),
-            DynamicsPicture { program, dynamics, curves, axes }.figure(),
+            DynamicsPicture { program, dynamics, curves, axes, axes_are_the_machines }.figure(),
         ];
         if let Some(deviations) = &self.deviations {
             figures.insert(1, PathDeviationPicture { program, deviations, turning }.figure());

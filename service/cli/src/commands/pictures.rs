@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use feedwave_cutting::{
-    GuidedCuts, PipelineConfig, SetpointBlock, ToolMotion, ToolPath, ToolPathSink, ValidationReport,
+    Frame, GuidedCuts, PipelineConfig, SetpointBlock, ToolMotion, ToolPath, ToolPathSink, ValidationReport,
 };
 use feedwave_motion::MachineKind;
 
@@ -69,6 +69,9 @@ pub(super) fn prepare(
     let turning = profile.machine.kind == MachineKind::Lathe;
     let program = source.name.rsplit('/').next().unwrap_or_default().to_owned();
     let mut plots = Plots::new(program, turning, axes(config), config.period_s(), period_s);
+    if config.frame == Frame::Work && profile.kinematics.is_some() {
+        plots.show_the_work();
+    }
     for change in &config.overrides {
         plots.add_override(change.index as f64 * config.period_s(), change.ratio);
     }

@@ -198,6 +198,14 @@ pub struct FiveAxisPlots {
     close: Close,
 }
 
+/// How a program is thinned by a method.
+const fn named(method: ThinningMethod) -> &'static str {
+    match method {
+        ThinningMethod::Published => "thinned as published",
+        ThinningMethod::Fitted => "thinned by a fit",
+    }
+}
+
 impl FiveAxisPlots {
     /// Pictures of a program in which nothing is compared yet.
     #[must_use]
@@ -241,10 +249,6 @@ impl FiveAxisPlots {
     /// The plans with their inks, the first one below and wider, so that none hides the others.
     fn plans(&self) -> impl Iterator<Item = (&Plan, Ink)> {
         let method = self.thinning.as_ref().map(|thinning| thinning.settings.method);
-        let named = |method| match method {
-            ThinningMethod::Published => "thinned as published",
-            ThinningMethod::Fitted => "thinned by a fit",
-        };
         let before = self.as_programmed.iter().map(|plan| (plan, Ink::line("as programmed", theme::VIBRATION, 3.2)));
         let other_name = method.map_or("thinned otherwise", |method| named(method.other()));
         let other = self.by_other_method.iter().map(move |plan| (plan, Ink::line(other_name, theme::GOOD, 2.4)));

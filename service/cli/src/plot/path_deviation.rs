@@ -18,6 +18,8 @@ const WIDTHS: [f64; LEVELS] = [2.0, 2.6, 3.2, 3.8];
 const CLOSE_FACTOR: f64 = 12.0;
 /// Least and largest half side of a close view, mm.
 const CLOSE_MM: Range<f64> = 0.02..5.0;
+/// Share of the panel within which two numbers would be written over each other.
+const LABEL_SHARE: f64 = 0.05;
 /// Chords kept of a close view.
 const MAX_CLOSE: usize = 20_000;
 
@@ -30,6 +32,20 @@ pub struct CloseView {
     pub center: Point,
     /// Deviation there, mm.
     pub deviation_mm: f64,
+}
+
+impl CloseView {
+    /// Half of its side, mm.
+    fn half_mm(&self) -> f64 {
+        (CLOSE_FACTOR * self.deviation_mm).clamp(CLOSE_MM.start, CLOSE_MM.end)
+    }
+
+    /// Whether a place is in it.
+    #[must_use]
+    pub fn shows(&self, place: Point) -> bool {
+        let half_mm = self.half_mm();
+        place.iter().zip(self.center).all(|(place, center)| (place - center).abs() <= half_mm)
+    }
 }
 
 /// A stretch of a path.
@@ -59,7 +75,7 @@ impl PathDeviations {
     #[must_use]
     pub fn new(largest_mm: f64, views: Vec<CloseView>) -> Self {
         let close = |view: CloseView| {
-            let half_mm = (CLOSE_FACTOR * view.deviation_mm).clamp(CLOSE_MM.start, CLOSE_MM.end);
+            let half_mm = view.half_mm();
             Close { view, half_mm, programmed: Vec::new(), run: Vec::new() }
         };
         Self {
@@ -169,10 +185,20 @@ impl PathDeviationPicture<'_> {
                 panel.path(&deviations.ink(level), run.points.iter().map(project).collect());
             }
         }
+        let mut above: Vec<Place> = Vec::new();
         for (number, close) in (1..).zip(&deviations.close) {
             let place = project(&close.view.center);
             panel.place(&Ink::dot("close view", theme::BAD, 5.0), place);
-            panel.label(place, number.to_string(), theme::INK, Beside::ABOVE);
+            // A number that would be written over another one is below.
+            let span = |range: &Range<f64>| range.end - range.start;
+            // Both axes are to one scale.
+            let near = LABEL_SHARE * span(&panel.x.range).max(span(&panel.y.range));
+            let is_taken = above.iter().any(|it| (it.0 - place.0).abs() < near && (it.1 - place.1).abs() < near);
+            let beside = if is_taken { Beside::BELOW } else { Beside::ABOVE };
+            if !is_taken {
+                above.push(place);
+            }
+            panel.label(place, number.to_string(), theme::INK, beside);
         }
         panel
     }

@@ -228,7 +228,10 @@ fn a_picture_has_title_axes_with_units_and_legend() {
             "motion",
             &["feed, mm/min", "acceleration, m/s²", "jerk, m/s³", "time, s", "40 %", "hold", "override changes"],
         ),
-        ("motion", &["acceleration along the path", "limit of X, Z 30\u{a0}000 mm/min"]),
+        (
+            "motion",
+            &["acceleration along the path", "limit along the path", "limits of the axes: X, Z 30\u{a0}000 mm/min"],
+        ),
         ("chip-1", &["chip thickness h, mm", "air: the chip is cut through", "41.667 Hz"]),
     ] {
         let text = canvas::svg_text(figures.iter().find(|figure| figure.name == name).unwrap()).unwrap();
@@ -275,6 +278,73 @@ fn motion_says_what_its_curves_are_without() {
         vibrating.contains("without what is superposed") && !vibrating.contains("without vibration"),
         "{vibrating}"
     );
+}
+
+#[test]
+fn motion_stays_within_the_limit_along_the_path() {
+    use super::figure::Shape;
+    // To 0.3 m/s and back along a diagonal of X and Y, as fast as both axes together can, then along X alone.
+    let (h, diagonal) = (1e-3, 10_000.0 * std::f64::consts::SQRT_2);
+    let (mut speed, mut place, mut at) = (0.0, 0.0, [0.0; 2]);
+    let mut block = SetpointBlock { line: vec![2; 141], ..block(0, 141) };
+    for row in 0..141_usize {
+        let (acceleration, direction) = match row {
+            1..=20 => (diagonal, [std::f64::consts::FRAC_1_SQRT_2; 2]),
+            51..=70 => (-diagonal, [std::f64::consts::FRAC_1_SQRT_2; 2]),
+            81..=100 => (10_000.0, [1.0, 0.0]),
+            121..=140 => (-10_000.0, [1.0, 0.0]),
+            _ => (0.0, if row < 75 { [std::f64::consts::FRAC_1_SQRT_2; 2] } else { [1.0, 0.0] }),
+        };
+        speed += acceleration * h;
+        place += speed * h;
+        at = [at[0] + direction[0] * speed * h, at[1] + direction[1] * speed * h];
+        (block.axes[0][row], block.axes[1][row]) = (at[0], at[1]);
+        (block.path_position_mm[row], block.feed_mm_per_min[row]) = (place, 60.0 * speed);
+        block.vibration_offset_mm[row] = 0.0;
+    }
+    let mut plots = Plots::new("corner.nc", false, axes(&["X", "Y"]), h, h);
+    plots.push_commands(&block);
+    let motion = |plots: &Plots| plots.figures().into_iter().find(|figure| figure.name == "motion").unwrap();
+    let figure = motion(&plots);
+    let acceleration = super::layout::panels(&figure.body)[1].clone();
+    let points = |name: &str| -> Vec<Vec<(f64, f64)>> {
+        let layers = acceleration.layers.iter().filter(|layer| layer.ink.name == name);
+        layers
+            .filter_map(|layer| if let Shape::Path(points) = &layer.shape { Some(points.clone()) } else { None })
+            .collect()
+    };
+    let limits = points("limit along the path");
+    let limit = limits.iter().find(|points| points[0].1 > 0.0).unwrap();
+    let mut exceeded_single_axes = false;
+    for (time_s, value) in points("acceleration along the path").concat() {
+        let nearest = limit.iter().min_by(|a, b| (a.0 - time_s).abs().total_cmp(&(b.0 - time_s).abs())).unwrap();
+        assert!(value.abs() <= nearest.1 * (1.0 + 1e-6), "{value} m/s² of {nearest:?} at {time_s} s");
+        exceeded_single_axes |= value.abs() > 14.0;
+    }
+    assert!(exceeded_single_axes && limits.len() == 2 && acceleration.notes == ["limits of the axes: X, Y 10 m/s²"]);
+    // In coordinates of the work no axis of the machine is known.
+    plots.show_the_work();
+    let figure = motion(&plots);
+    let layers =
+        super::layout::panels(&figure.body).iter().flat_map(|panel| &panel.layers).map(|it| it.ink.name.clone());
+    assert!(layers.into_iter().all(|name| !name.contains("limit along")) && !figure.subtitle.contains("limit along"));
+}
+
+#[test]
+fn numbers_of_close_views_are_not_written_over_each_other() {
+    let view = |x: f64| CloseView { title: format!("at {x}"), center: [x, 0.0, 0.0], deviation_mm: 0.01 };
+    let sides = |x: f64| {
+        let mut deviations = PathDeviations::new(0.01, vec![view(50.0), view(x)]);
+        for (from, to) in [([0.0; 3], [100.0, 0.0, 0.0]), ([100.0, 0.0, 0.0], [100.0, 80.0, 0.0])] {
+            deviations.programmed(from, to);
+            deviations.run(from, to);
+        }
+        let figure = super::PathDeviationPicture { program: "p.nc", deviations: &deviations, turning: false }.figure();
+        let labels = super::layout::panels(&figure.body)[0].labels.clone();
+        labels.iter().map(|label| label.beside.by.1.signum()).collect::<Vec<_>>()
+    };
+    assert_eq!(sides(52.0), [-1.0, 1.0]);
+    assert_eq!(sides(70.0), [-1.0, -1.0]);
 }
 
 #[test]

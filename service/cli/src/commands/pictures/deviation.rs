@@ -1,6 +1,6 @@
 //! The path as programmed and as run, of programs whose path deviates.
 
-use feedwave_cutting::{PipelineConfig, Slowdown, ToolMotion, ToolPathSink, ValidationReport};
+use feedwave_cutting::{PipelineConfig, ToolMotion, ToolPathSink, ValidationReport};
 
 use super::super::CliError;
 use super::super::source::Source;
@@ -16,30 +16,54 @@ pub(super) fn trace(
     config: &PipelineConfig,
     report: &ValidationReport,
 ) -> Result<Option<PathDeviations>, CliError> {
-    let mut worst = Worst { slowest: report.summary.slowdowns.first(), ..Worst::default() };
+    let slow = report.summary.slowdowns.iter().filter(|slowdown| slowdown.source.program == 0);
+    let slow = slow.map(|slowdown| Slow { line: slowdown.source.line, place: None }).collect();
+    let mut worst = Worst { farthest: None, slow };
     read_path(source, config, &mut worst)?;
     let Some((line, largest_mm, center)) = worst.farthest else { return Ok(None) };
-    let mut views = vec![CloseView { title: format!("farthest apart, line {line}"), center, deviation_mm: largest_mm }];
-    if let (Some(slowest), Some((deviation_mm, center))) = (worst.slowest, worst.slow) {
-        let title = format!("most time lost, line {}", slowest.source.line);
-        views.push(CloseView { title, center, deviation_mm });
-    }
+    let views = views(line, largest_mm, center, &worst.slow);
     let mut both = Both { deviations: PathDeviations::new(largest_mm, views) };
     read_path(source, config, &mut both)?;
     Ok(Some(both.deviations))
 }
 
-/// Finds the worst places.
-#[derive(Default)]
-struct Worst<'a> {
-    slowest: Option<&'a Slowdown>,
-    /// Line, distance and place.
-    farthest: Option<(u32, f64, Point)>,
-    /// Distance and place where most time is lost.
-    slow: Option<(f64, Point)>,
+/// A close view of where the paths are farthest apart, and one of where most time is lost: at another place, since two views of
+/// one corner show nothing more.
+fn views(line: u32, largest_mm: f64, center: Point, slow: &[Slow]) -> Vec<CloseView> {
+    let mut farthest = CloseView { title: format!("farthest apart, line {line}"), center, deviation_mm: largest_mm };
+    let mut elsewhere = "";
+    for (slow, (deviation_mm, center)) in slow.iter().filter_map(|slow| slow.place.map(|place| (slow, place))) {
+        let own = CloseView { title: format!("most time lost{elsewhere}, line {}", slow.line), center, deviation_mm };
+        if !farthest.shows(center) && !own.shows(farthest.center) {
+            return vec![farthest, own];
+        }
+        if elsewhere.is_empty() {
+            farthest.title = match slow.line == line {
+                true => format!("farthest apart, and most time lost, line {line}"),
+                false => format!("farthest apart, line {line}, and most time lost, line {}", slow.line),
+            };
+            elsewhere = " elsewhere";
+        }
+    }
+    vec![farthest]
 }
 
-impl ToolPathSink for Worst<'_> {
+/// A line that time is lost in.
+struct Slow {
+    line: u32,
+    /// Distance of both paths, and the place.
+    place: Option<(f64, Point)>,
+}
+
+/// Finds the worst places.
+struct Worst {
+    /// Line, distance and place.
+    farthest: Option<(u32, f64, Point)>,
+    /// Where most time is lost, and so on.
+    slow: Vec<Slow>,
+}
+
+impl ToolPathSink for Worst {
     fn line(&mut self, _: ToolMotion, _: Point, _: Point) {}
 
     fn rapid(&mut self, _: u32) {}
@@ -48,9 +72,8 @@ impl ToolPathSink for Worst<'_> {
 
     fn programmed(&mut self, line: u32, from: Point, _: Point) {
         // The corner is where the block starts.
-        let is_slowest = self.slowest.is_some_and(|slowest| slowest.source.program == 0 && slowest.source.line == line);
-        if is_slowest && self.slow.is_none() {
-            self.slow = Some((EXACT_MM, from));
+        for slow in self.slow.iter_mut().filter(|slow| slow.line == line) {
+            slow.place.get_or_insert((EXACT_MM, from));
         }
     }
 
@@ -58,11 +81,10 @@ impl ToolPathSink for Worst<'_> {
         if largest_mm > self.farthest.map_or(0.0, |(_, known, _)| known) {
             self.farthest = Some((line, largest_mm, here));
         }
-        let is_slowest = self.slowest.is_some_and(|slowest| slowest.source.program == 0 && slowest.source.line == line);
-        if is_slowest && largest_mm > 0.0 {
-            let known = self.slow.filter(|(known, _)| *known != EXACT_MM).map_or(0.0, |(known, _)| known);
+        for slow in self.slow.iter_mut().filter(|slow| slow.line == line) {
+            let known = slow.place.filter(|(known, _)| *known != EXACT_MM).map_or(0.0, |(known, _)| known);
             if largest_mm > known {
-                self.slow = Some((largest_mm, here));
+                slow.place = Some((largest_mm, here));
             }
         }
     }
@@ -90,5 +112,26 @@ impl ToolPathSink for Both {
 
     fn deviates(&mut self, _: u32, largest_mm: f64, _: Point) {
         self.deviations.deviates(largest_mm);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn close_views_are_of_different_places() {
+        let slow = |line, place: Point| Slow { line, place: Some((EXACT_MM, place)) };
+        let titles = |slow: &[Slow]| -> Vec<String> {
+            views(7, 0.05, [10.0, 0.0, 0.0], slow).into_iter().map(|view| view.title).collect()
+        };
+        assert_eq!(titles(&[]), ["farthest apart, line 7"]);
+        assert_eq!(titles(&[slow(9, [90.0, 0.0, 0.0])]), ["farthest apart, line 7", "most time lost, line 9"]);
+        // The same corner, by its own line or that of the block behind it.
+        assert_eq!(titles(&[slow(7, [10.0, 0.0, 0.0])]), ["farthest apart, and most time lost, line 7"]);
+        assert_eq!(
+            titles(&[slow(8, [10.1, 0.0, 0.0]), slow(7, [10.0, 0.0, 0.0]), slow(20, [0.0, 30.0, 0.0])]),
+            ["farthest apart, line 7, and most time lost, line 8", "most time lost elsewhere, line 20"]
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::figure::{Axis, COUNT, DEGREES, Figure, Layout, Panel, Place, UM, Unit};
 use super::super::theme::{self, Ink};
-use super::ThinningShown;
+use super::{ThinningShown, named};
 use feedwave_cutting::thinning::ThinningMethod;
 
 /// Space above the highest value.
@@ -16,7 +16,8 @@ pub(super) struct DeviationPicture<'a> {
 impl DeviationPicture<'_> {
     pub(super) fn figure(&self) -> Figure {
         let ThinningShown { settings, deviations, blocks: [read, dropped], .. } = self.thinning;
-        let subtitle = format!("{} \u{b7} {dropped} of {read} blocks dropped", self.program);
+        let subtitle =
+            format!("{} \u{b7} {} \u{b7} {dropped} of {read} blocks dropped", self.program, named(settings.method));
         let position: Vec<_> =
             deviations.stretches().map(|(line, of)| (f64::from(line), of.position_mm * 1e3)).collect();
         let title = "distance of the tool centre point from the path that is left";

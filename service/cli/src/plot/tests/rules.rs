@@ -250,6 +250,11 @@ fn a_tolerance_is_drawn_only_on_what_it_bounds() {
         let figures = five_axis(tolerance_deg);
         let figure = figures.iter().find(|figure| figure.name == "thinning-deviation").unwrap();
         let page = Page::of(figure);
+        assert!(
+            figure.subtitle.contains("five.nc \u{b7} thinned as published \u{b7} 90 of 100 blocks"),
+            "{}",
+            figure.subtitle
+        );
         let drawn = page.panels[1].panel.layers.iter().filter(|layer| layer.ink.name == "tolerance").count();
         assert_eq!(drawn, limits);
         assert_eq!(page.panels[1].notes.join(" ").contains("not bounded"), limits == 0);
