@@ -325,9 +325,9 @@ fn motion_stays_within_the_limit_along_the_path() {
     // In coordinates of the work no axis of the machine is known.
     plots.show_the_work();
     let figure = motion(&plots);
-    let layers =
-        super::layout::panels(&figure.body).iter().flat_map(|panel| &panel.layers).map(|it| it.ink.name.clone());
-    assert!(layers.into_iter().all(|name| !name.contains("limit along")) && !figure.subtitle.contains("limit along"));
+    let panels = super::layout::panels(&figure.body);
+    let mut layers = panels.iter().flat_map(|panel| &panel.layers).map(|it| it.ink.name.clone());
+    assert!(layers.all(|name| !name.contains("limit along")) && !figure.subtitle.contains("limit along"));
 }
 
 #[test]

@@ -95,6 +95,11 @@ fn go_on(step: &mut ImprovementStep, later: ImprovementStep) {
     let mut changes: Changes = core::mem::take(&mut step.changes).into_iter().map(|it| (place(it.span), it)).collect();
     later.changes.into_iter().for_each(|change| put(&mut changes, change));
     step.changes = changes.into_values().collect();
+    // Of the same thing the last reason is that of what is written.
+    step.reason = match later.kind == step.kind {
+        true => later.reason,
+        false => format!("{}; then {}", step.reason, later.reason),
+    };
     if later.kind == ImprovementKind::SpindleSpeed {
         step.kind = later.kind;
     }

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use feedwave_program::Feed;
 
 use super::actions::Meant;
-use super::judged::{self, Wanted, vibration_text};
-use super::vibration::{Outcome, Section, search};
+use super::judged::{self, Wanted};
+use super::vibration::{Outcome, Section};
 use super::words::Word;
 use super::work::{FunctionWords, Work};
 use super::written::{Words, rounded};
@@ -171,7 +171,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         raised.iter_mut().flat_map(|section| &mut section.chip_spans).for_each(|span| span.feed_per_rev_mm *= ratio);
         let raised: Vec<&SectionReport> = raised.iter().collect();
         let arriving = judged::arriving(&raised, &self.work.goals.vibration);
-        let search = search(&raised, arriving, self.work.config, &self.work.goals.vibration).ok()?;
+        let search = self.work.search(&raised, arriving).ok()?;
         let margin = |it| arriving * judged::margin(&search, it);
         if search.suffices(self.vibration.frequency_hz, self.vibration.amplitude_mm) {
             return Some(WrittenVibration { found: self.vibration, margin: margin(self.vibration), words: Vec::new() });
@@ -232,9 +232,8 @@ impl<S: Surroundings> Raise<'_, '_, S> {
             figure("machining time", was_s, is_s, "s"),
         ];
         let reason = format!(
-            "{} mm/rev are permitted at the largest override, and {} breaks that chip",
-            decimal(self.limit_mm, 4),
-            vibration_text(found)
+            "{} mm/rev are permitted at the largest override, and the vibration that is written breaks that chip",
+            decimal(self.limit_mm, 4)
         );
         let (line, kind, outcome) = (self.section.line, ImprovementKind::Feed, ImprovementOutcome::Changed);
         (state.edits, state.after) = (edits, after);

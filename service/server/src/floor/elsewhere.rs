@@ -14,7 +14,7 @@ use uuid::Uuid;
 
 use super::machine::Connected;
 use super::restore::{logged, view_of};
-use super::{Floor, Floors, Logged, RunView};
+use super::{Floor, Floors, RunView};
 use crate::error::{Error, Result};
 
 /// How often others are told of everything, and heard.
