@@ -23,7 +23,7 @@ pub use element::{Arc, Curve, Element, FiveAxis, Spline, Turning};
 pub use feed::{Stretch, Stretches, stretches, top_command};
 pub use limits::{
     LimitExceeded, LimitPiece, LimitPieces, PathLimits, PathMotion, Quantity, TravelExceeded, limit_pieces,
-    missing_axis, path_limits, travel_exceeded,
+    missing_axis, path_limits, travel_exceeded, travel_exceeded_within,
 };
 pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{

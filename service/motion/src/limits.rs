@@ -260,10 +260,24 @@ pub fn missing_axis(element: &Element, machine: &Machine) -> Option<Axis> {
 /// The first axis that the element would take beyond its travel.
 #[must_use]
 pub fn travel_exceeded(element: &Element, machine: &Machine) -> Option<TravelExceeded> {
-    if machine.axes.iter().all(|axis| axis.travel_min.is_none() && axis.travel_max.is_none()) {
+    if !has_travel(machine) {
         return None;
     }
-    let (low, high): (Position, Position) = element.extent();
+    travel_exceeded_within(element.extent(), element, machine)
+}
+
+fn has_travel(machine: &Machine) -> bool {
+    machine.axes.iter().any(|axis| axis.travel_min.is_some() || axis.travel_max.is_some())
+}
+
+/// As [`travel_exceeded`], with the smallest and largest position of each axis, work coordinates, where something is superposed
+/// on the element.
+#[must_use]
+pub fn travel_exceeded_within(
+    (low, high): (Position, Position),
+    element: &Element,
+    machine: &Machine,
+) -> Option<TravelExceeded> {
     let check = |axis: &MachineAxis| {
         let index = axis.axis.index();
         let ends = [low[index], high[index]].map(|work| axis.sign() * (work + element.work_offset[index]));

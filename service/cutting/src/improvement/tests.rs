@@ -442,7 +442,7 @@ fn blends_count_for_the_vibration_that_is_looked_for() {
 /// Rounds of an improvement do not carry a frequency further from the programmed one than one round may.
 #[test]
 fn frequencies_stay_around_the_programmed_one_in_all_rounds() {
-    let config = on(MachineProfile::default());
+    let config = lathe();
     let mut rounds = 0;
     for (at, rev_per_min) in (0..24).map(|at| (at, 500.0 + 80.0 * f64::from(at))) {
         let goals = ImprovementGoals { max_feed_per_rev_mm: Some(0.06 + 0.007 * f64::from(at)), ..goals() };

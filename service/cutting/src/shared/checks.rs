@@ -1,9 +1,11 @@
 //! Checks of every move, whatever carries it out: axes, travel and time.
 
-use feedwave_motion::{Curve, Element, Machine, MachineKind, travel_exceeded};
+use feedwave_motion::kinematics::{KinematicsDescription, Wrap};
+use feedwave_motion::{Curve, Element, Machine, MachineKind, TravelExceeded, travel_exceeded, travel_exceeded_within};
 use feedwave_program::{Axis, Finding, FindingLog, SourceSpan};
 
 use super::code;
+use super::reach::Reach;
 
 /// Longest time a single block may take, s: one day. A slower one is a slip of a decimal point.
 pub(crate) const MAX_BLOCK_DURATION_S: f64 = 86_400.0;
@@ -27,8 +29,37 @@ pub(crate) fn missing(axis: Axis, span: SourceSpan, machine: &Machine) -> Findin
     finding
 }
 
-pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {
-    if let Some(exceeded) = travel_exceeded(element, machine) {
+/// How far the axes go: the travel of each, and its range in the chain of a machine with kinematics.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Travel<'a> {
+    pub(crate) machine: &'a Machine,
+    pub(crate) kinematics: Option<&'a KinematicsDescription>,
+}
+
+/// How far beyond a range still counts as at its end, mm or degrees: what rounding adds to a value at the end.
+const RANGE_SLACK: f64 = 1e-7;
+
+impl Travel<'_> {
+    /// Reports the first axis that an element would take too far; whether there is one.
+    pub(crate) fn check(&self, element: &Element, findings: &mut FindingLog) -> bool {
+        let exceeded = travel_exceeded(element, self.machine).or_else(|| self.range_exceeded(element));
+        let found = exceeded.map(|exceeded| self.finding(&exceeded, element));
+        found.map(|finding| findings.push(finding)).is_some()
+    }
+
+    /// As [`Self::check`], where an oscillation is superposed on an element that by itself stays within travel.
+    pub(crate) fn check_oscillating(&self, element: &Element, reach: &Reach, findings: &mut FindingLog) {
+        let exceeded = |extent| travel_exceeded_within(extent, element, self.machine);
+        if exceeded(reach.at_most(element)).is_none() || travel_exceeded(element, self.machine).is_some() {
+            return;
+        }
+        if let Some(exceeded) = exceeded(reach.extent(element)) {
+            let finding = self.finding(&exceeded, element);
+            findings.push(finding.suggest("the oscillation is superposed there: a smaller amplitude reaches less far"));
+        }
+    }
+
+    fn finding(&self, exceeded: &TravelExceeded, element: &Element) -> Finding {
         let letter = exceeded.axis.letter();
         let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
         let message = format!(
@@ -36,13 +67,33 @@ pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut 
             exceeded.value, exceeded.limit
         );
         let end = if exceeded.value < exceeded.limit { "low" } else { "high" };
-        findings.push(
-            Finding::new(code::AXIS_TRAVEL, element.source, message)
-                .ranked(format!("{letter} {end}"), (exceeded.value - exceeded.limit).abs())
-                .with_value("position", exceeded.value, unit)
-                .with_value("limit", exceeded.limit, unit)
-                .suggest("check the work offset and the programmed coordinate"),
-        );
+        Finding::new(code::AXIS_TRAVEL, element.source, message)
+            .ranked(format!("{letter} {end}"), (exceeded.value - exceeded.limit).abs())
+            .with_value("position", exceeded.value, unit)
+            .with_value("limit", exceeded.limit, unit)
+            .suggest("check the work offset and the programmed coordinate")
+    }
+
+    /// The first axis that an element would take beyond its range in the chain. An axis that rolls over has none that a word could
+    /// exceed, and those of a guided tool were judged where its path was made.
+    fn range_exceeded(&self, element: &Element) -> Option<TravelExceeded> {
+        let chain = &self.kinematics?.chain;
+        let is_guided = matches!(element.curve, Curve::FiveAxis(_));
+        let mut limited = chain.iter().filter_map(|link| {
+            let is_judged = link.axis.is_rotary() && (is_guided || link.wrap == Wrap::Rollover);
+            Some((link.axis, link.range?)).filter(|_| !is_judged && element.moves(link.axis))
+        });
+        // Where a straight move begins was the end of the one before.
+        let (low, high) = match element.curve {
+            Curve::Line => (element.end, element.end),
+            _ => element.extent(),
+        };
+        limited.find_map(|(axis, [least, most])| {
+            let [low, high] = [&low, &high].map(|end| end[axis.index()] + element.work_offset[axis.index()]);
+            let below = (low < least - RANGE_SLACK).then_some((low, least));
+            let above = (high > most + RANGE_SLACK).then_some((high, most));
+            below.or(above).map(|(value, limit)| TravelExceeded { axis, value, limit })
+        })
     }
 }
 

@@ -47,7 +47,8 @@ feedwave_program::finding_codes! {
     "AXIS-TRAVEL" [AXIS_TRAVEL: Error] {
         meaning: "an axis that would leave its travel",
         cause: "The work offset, a coordinate or the swing of a rotary axis leads beyond `travel_min` or `travel_max`, \
-              in machine coordinates. The curve at a smoothed corner counts too.",
+              or beyond the axis' range in the kinematics, in machine coordinates. The curve at a smoothed corner and the \
+              amplitudes of a tool oscillation count too.",
         cure: "Check the work offset and the programmed coordinate, or clamp the work in another place.",
         example: on("lathe, machine.axes.0.travel_max = 100", "G0 X300\nM30"),
     }

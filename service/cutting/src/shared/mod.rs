@@ -8,6 +8,7 @@ pub(crate) mod cut;
 pub(crate) mod following;
 pub(crate) mod listed;
 pub(crate) mod plane_frame;
+pub(crate) mod reach;
 pub(crate) mod setpoint;
 pub(crate) mod superposition;
 pub(crate) mod tool;

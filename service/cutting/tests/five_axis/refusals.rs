@@ -1,7 +1,7 @@
 //! What a five-axis program may not ask for, with numbers.
 
 use feedwave_cutting::{GenerationMode, PipelineConfig};
-use feedwave_program::Finding;
+use feedwave_program::{Axis, Finding};
 
 use super::common::validate;
 use super::machine::config;
@@ -72,6 +72,36 @@ fn axes_that_would_leave_their_travel() {
     let finding = found.iter().find(|finding| finding.code == "AXIS-TRAVEL").unwrap_or_else(|| panic!("{found:#?}"));
     assert_eq!(finding.span.line, 3);
     assert!(value(finding, "position") < -100.0);
+}
+
+#[test]
+fn axes_that_would_leave_their_range_without_tool_centre_point_control() {
+    // A goes from -120 to 30 degrees.
+    let config = config();
+    for (program, position) in [
+        ("G0 A90", 90.0),
+        ("G1 A-179 F500", -179.0),
+        ("G53 G0 A45", 45.0),
+        ("G10 L2 P1 A20\nG0 A20", 40.0),
+        ("G93 G1 A40 F1", 40.0),
+        ("G91 G28 A45", 45.0),
+    ] {
+        let finding = refusal(program, &config);
+        assert_eq!((finding.code.name(), value(&finding, "position")), ("AXIS-TRAVEL", position), "{program}");
+    }
+    for program in ["G0 A30\nG1 A-120 F500", "G0 C720", "G43.4 H1 G0 X0 Y0 Z20 A-120 C0\nG1 X10 A30 F1000"] {
+        let found = findings(program, &config);
+        assert!(found.iter().all(|finding| finding.code != "AXIS-TRAVEL"), "{program}: {found:#?}");
+    }
+    // A linear one, also where the work swings.
+    let mut short = config;
+    let chain = &mut short.profile.kinematics.as_mut().expect("kinematics").chain;
+    let x = chain.iter_mut().find(|link| link.axis == Axis::X).expect("X");
+    x.range = Some([-20.0, 20.0]);
+    for program in ["G0 X30", "G43.4 H1 G0 X0 Y0 Z20 A0 C0\nG1 X30 F1000", "G43.4 H1 G0 X0 Y30 Z20 A0 C0\nG1 C90 F1000"]
+    {
+        assert!(findings(program, &short).iter().any(|finding| finding.code == "AXIS-TRAVEL"), "{program}");
+    }
 }
 
 #[test]

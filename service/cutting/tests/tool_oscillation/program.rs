@@ -1,7 +1,9 @@
 //! Oscillation in programs: setpoints against the formula of docs/functions/tool-oscillation.md ("Motion"), step by
 //! step from their own spindle angle and path position.
 
-use feedwave_cutting::tool_oscillation::{NamedCondition, OscillationPeriod, ToolOscillation, Waveform, blend};
+use feedwave_cutting::tool_oscillation::{
+    DirectionOscillation, NamedCondition, OscillationPeriod, ToolOscillation, Waveform, blend,
+};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, ValidationReport};
 use feedwave_program::Severity;
 use proptest::prelude::*;
@@ -348,4 +350,35 @@ fn a_section_that_the_axes_refuse_is_reported_as_it_was_judged() {
     let [judged] = &report.oscillations[..] else { panic!("{} reports", report.oscillations.len()) };
     assert!(!judged.report.feasible && judged.report.edges.len() == 4);
     assert_eq!(report.summary.oscillation_count, 1);
+}
+
+/// A travel that setpoints would leave refuses the program, and one that commands and amplitudes keep does not.
+#[test]
+fn axes_stay_within_their_travel_with_the_oscillation() {
+    let mut config = config();
+    config.profile.tool_oscillation[0].condition.cross =
+        Some(DirectionOscillation { amplitude_mm: 0.2, waveform: Waveform::Sine, phase_deg: 0.0 });
+    for path in ["G1 X30 F600", "G1 X20 Y25 F600", "G2 X40 Y0 I20 F600", "G1 X20 F600\nG3 X30 Y10 J10\nG1 Y30"] {
+        let setpoints = run(&program(path), &config);
+        for (index, column) in setpoints.axes.iter().enumerate().take(3) {
+            let [least, most] = [f64::min, f64::max].map(|of| column.iter().copied().fold(column[0], of));
+            let with = |travel: [Option<f64>; 2]| {
+                let mut config = config.clone();
+                let axis = &mut config.profile.machine.axes[index];
+                (axis.travel_min, axis.travel_max) = travel.into();
+                let report = validate(&program(path), &config);
+                report.findings.iter().any(|finding| finding.code == "AXIS-TRAVEL")
+            };
+            let wide = [0.62, 0.62, 0.05][index];
+            assert!(!with([Some(least - wide), Some(most + wide)]), "{path}: axis {index}");
+            // X and Y leave the path in places where the oscillation is whole, Z retracts from -1.
+            let leaves = |end: f64, others: [f64; 2]| others.iter().all(|other| (other - end).abs() > 1e-3);
+            if leaves(least, [0.0, -1.0]) {
+                assert!(with([Some(least + 1e-4), None]), "{path}: axis {index} below {least}");
+            }
+            if leaves(most, [30.0, 5.0]) {
+                assert!(with([None, Some(most - 1e-4)]), "{path}: axis {index} above {most}");
+            }
+        }
+    }
 }

@@ -59,6 +59,15 @@ impl Kinematics {
         self
     }
 
+    /// The axes that have a range and count their turns, with it, mm or degrees.
+    pub fn axis_ranges(&self) -> impl Iterator<Item = (feedwave_program::Axis, [f64; 2])> + '_ {
+        let counting = self.joints.iter().filter(|joint| !joint.axis.is_rotary() || joint.wrap == Wrap::Counting);
+        counting.filter_map(|joint| {
+            let of_program = |value: f64| if joint.axis.is_rotary() { value.to_degrees() } else { value };
+            Some((joint.axis, joint.range?.map(of_program)))
+        })
+    }
+
     /// The rotary axes that have a range, with it, rad.
     pub(super) fn ranges(&self) -> impl Iterator<Item = (feedwave_program::Axis, [f64; 2])> + '_ {
         self.rotary.iter().filter_map(|&index| Some((self.joints[index].axis, self.joints[index].range?)))

@@ -109,15 +109,21 @@ async fn create(options: &PostgresOptions) -> Result<()> {
     Ok(())
 }
 
-/// Looks at the database before anything in it is changed; how many tables it has.
+/// Looks at the database before anything in it is changed; how many tables it has. That of the migrations does not count: it is
+/// made before the first one, and is empty where that was broken off.
 async fn identify(connection: &mut PgConnection) -> Result<i64> {
-    let (tables, ours): (i64, i64) = sqlx::query_as(
-        "SELECT COUNT(*), COUNT(*) FILTER (WHERE table_name = 'feedwave')
+    let (tables, ours, has_migrations): (i64, i64, bool) = sqlx::query_as(
+        "SELECT COUNT(*) FILTER (WHERE table_name <> '_sqlx_migrations'), COUNT(*) FILTER (WHERE table_name = 'feedwave'),
+            COUNT(*) FILTER (WHERE table_name = '_sqlx_migrations') > 0
          FROM information_schema.tables WHERE table_schema = CURRENT_SCHEMA()",
     )
     .fetch_one(&mut *connection)
     .await?;
-    if tables > 0 && ours == 0 {
+    let migrated = ours == 0 && has_migrations && {
+        let any = "SELECT EXISTS (SELECT 1 FROM _sqlx_migrations)";
+        sqlx::query_scalar::<_, bool>(any).fetch_one(&mut *connection).await?
+    };
+    if (tables > 0 && ours == 0) || migrated {
         return Err(StoreError::Incompatible("it has tables of another program".into()));
     }
     let encoding: String = sqlx::query_scalar("SHOW server_encoding").fetch_one(connection).await?;

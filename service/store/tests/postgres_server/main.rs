@@ -310,6 +310,20 @@ async fn what_is_not_ours_or_newer_is_refused() {
     let uri = place.uri.replace("feedwave@", "nobody@");
     let refused = Store::open(&uri.parse().unwrap(), StoreSettings::default()).await.err().unwrap();
     assert!(matches!(refused, StoreError::CannotOpen { .. }), "{refused}");
+
+    // Broken off before the first migration: that of nobody yet.
+    let place = Place::new();
+    place.open().await.close().await;
+    place.execute("DROP SCHEMA public CASCADE").await;
+    place.execute("CREATE SCHEMA public").await;
+    place
+        .execute(
+            "CREATE TABLE _sqlx_migrations (version BIGINT PRIMARY KEY, description TEXT NOT NULL,
+                installed_on TIMESTAMPTZ NOT NULL DEFAULT now(), success BOOLEAN NOT NULL, checksum BYTEA NOT NULL,
+                execution_time BIGINT NOT NULL)",
+        )
+        .await;
+    program(&place.open().await).await;
 }
 
 // One copy with a record of every kind, and what goes on behind each.

@@ -21,8 +21,9 @@ use crate::functions::path_vibration::{
 };
 use crate::functions::thread::{ThreadAnalysis, ThreadInputs, Threads};
 use crate::functions::tool_oscillation::{LeftOver, Oscillation, OscillationAnalysis, OscillationInputs};
-use crate::shared::checks::is_rotary_only;
+use crate::shared::checks::{Travel, is_rotary_only};
 use crate::shared::cut::Cut;
+use crate::shared::reach::Reach;
 
 /// What every function remembers between operations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -57,9 +58,14 @@ impl PipelineConfig {
         ThreadInputs {
             settings: &self.profile.thread_vibration,
             machine: &self.profile.machine,
+            travel: self.travel(),
             following: &self.profile.following,
             period_s: self.period_s(),
         }
+    }
+
+    pub(super) fn travel(&self) -> Travel<'_> {
+        Travel { machine: &self.profile.machine, kinematics: self.profile.kinematics.as_ref() }
     }
 
     /// The largest feed override that the machine or the plan permits, a ratio of at least 1.
@@ -89,6 +95,11 @@ impl Superposed {
     /// The machine with the limits that are left.
     pub(super) fn machine<'a>(&'a self, machine: &'a Machine) -> &'a Machine {
         self.left.as_ref().map_or(machine, |left| &left.machine)
+    }
+
+    /// How far an oscillation moves the tool from the path, where there is one.
+    pub(super) fn reach(&self) -> Option<&Reach> {
+        self.left.as_ref().map(|left| &left.reach)
     }
 
     /// How far the position is ahead of the command and behind it along the path at most, mm.

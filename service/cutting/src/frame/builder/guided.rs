@@ -7,7 +7,6 @@ use super::{Builder, X, joining};
 use crate::frame::config::PipelineConfig;
 use crate::frame::interpolator::Barrier;
 use crate::functions::five_axis::{Guided, no_kinematics};
-use crate::shared::checks::check_travel;
 use crate::shared::cut::Cut;
 
 impl Builder {
@@ -72,7 +71,7 @@ impl Builder {
         let joining = joining(&self.state.functions, self.guide.as_ref(), config);
         let mut elements = motion.elements.into_iter().peekable();
         while let Some(element) = elements.next() {
-            check_travel(&element, &config.profile.machine, findings);
+            config.travel().check(&element, findings);
             let cut = Cut::of(mv, &element);
             // Along a spline the block stops at its own end only.
             let stops_within = elements.peek().is_some() && mv.spline.is_some();

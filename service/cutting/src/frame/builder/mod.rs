@@ -27,7 +27,7 @@ use crate::frame::interpolator::Barrier;
 use crate::frame::report::PathDeviation;
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
 use crate::functions::thread::WantedPass;
-use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, spline_cusp, too_long};
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, missing, spline_cusp, too_long};
 use crate::shared::columns::ColumnMap;
 use crate::shared::cut::Cut;
 use crate::shared::setpoint::Frame;
@@ -340,7 +340,7 @@ impl Builder {
             findings.push(missing(axis, span, machine));
             return;
         }
-        check_travel(&element, machine, findings);
+        config.travel().check(&element, findings);
 
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting {
@@ -395,9 +395,12 @@ impl Builder {
         }
         if blocks == 0 {
             // The programmed blocks were checked as they came; the curve at a corner may swing out beside them.
-            check_travel(&element, machine, findings);
+            config.travel().check(&element, findings);
         }
         let superposed = self.superpose(&element, &cut, config, planner, findings);
+        if let Some(reach) = superposed.reach() {
+            config.travel().check_oscillating(&element, reach, findings);
+        }
         let pieces = superposed.limit_pieces(&element, machine);
         let machine = superposed.machine(machine);
         let limits = match &pieces {

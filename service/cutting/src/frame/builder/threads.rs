@@ -78,8 +78,7 @@ impl Builder {
             vibrates_no_thread(span, findings);
         }
         let Some(element) = self.tap_element(stroke, span, config, findings) else { return };
-        let machine = &config.profile.machine;
-        let Some(run) = self.state.functions.threads.tap(stroke, element, machine, findings) else { return };
+        let Some(run) = self.state.functions.threads.tap(stroke, element, config.travel(), findings) else { return };
         self.state.x_mm = [run.element.end[X], run.element.work_offset[X]];
         if let Some(analysis) = &mut self.analysis {
             analysis.moves += 1;

@@ -8,7 +8,7 @@ use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan, ThreadMo
 use super::code;
 use super::driven::{DrivenAxis, driven_axes};
 use super::{LeadAxis, PathPart, PathVibration, RunUp, ThreadPath, ThreadRun, ThreadVibrationSettings};
-use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, Travel, too_long};
 use crate::shared::plane_frame::PlaneFrame;
 
 /// Share of the limits of the axis across the lead that changes of its speed take beside the vibration: on a taper, at a
@@ -348,7 +348,7 @@ impl PassPath {
         vibration: PathVibration,
         settings: &ThreadVibrationSettings,
         prepares: bool,
-        machine: &Machine,
+        travel: Travel<'_>,
         findings: &mut FindingLog,
     ) -> Option<ThreadRun> {
         let (first, last) = (blocks.first()?, blocks.last()?);
@@ -365,7 +365,7 @@ impl PassPath {
         };
         let across = vibration.lead_axis.across();
         let retreat_mm = vibration.outwards * vibration.wave.amplitude_mm;
-        check_travel(&self.extent(first, (across, retreat_mm)), machine, findings);
+        travel.check(&self.extent(first, (across, retreat_mm)), findings);
         let prepared_mm = path.retreat_mm(-1.0);
         let limits: Vec<_> = self.axes.iter().filter_map(|axis| axis.limits_across(vibration.lead_axis)).collect();
         let preparation = (prepares && prepared_mm > 0.0)

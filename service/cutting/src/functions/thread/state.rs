@@ -13,7 +13,7 @@ use super::{
     ThreadPath, ThreadRun, ThreadVibrationSettings,
 };
 use crate::functions::switch::{Modal, Switch};
-use crate::shared::checks::missing;
+use crate::shared::checks::{Travel, missing};
 use crate::shared::following::FollowingModel;
 use crate::shared::plane_frame::PlaneFrame;
 use crate::shared::wording::decimal;
@@ -23,6 +23,7 @@ use crate::shared::wording::decimal;
 pub(crate) struct ThreadInputs<'a> {
     pub(crate) settings: &'a ThreadVibrationSettings,
     pub(crate) machine: &'a Machine,
+    pub(crate) travel: Travel<'a>,
     pub(crate) following: &'a FollowingModel,
     pub(crate) period_s: f64,
 }
@@ -341,7 +342,7 @@ impl Threads {
         analysis: Option<&mut ThreadAnalysis>,
         findings: &mut FindingLog,
     ) -> Option<ThreadRun> {
-        let run = pass.path.run(blocks, pass.vibration, inputs.settings, prepares, inputs.machine, findings)?;
+        let run = pass.path.run(blocks, pass.vibration, inputs.settings, prepares, inputs.travel, findings)?;
         if let Some(analysis) = analysis {
             analysis.passes += 1;
         }
@@ -358,11 +359,11 @@ impl Threads {
         &mut self,
         stroke: &ThreadMove,
         element: Element,
-        machine: &Machine,
+        travel: Travel<'_>,
         findings: &mut FindingLog,
     ) -> Option<TapRun> {
         let span = element.source;
-        let run = TapRun::new(stroke, element, span, machine, findings)?;
+        let run = TapRun::new(stroke, element, span, travel, findings)?;
         if !std::mem::replace(&mut self.taps_reported, true) {
             let message = "the feed override does not act on rigid taps: the tool is bound to the spindle";
             findings.push(Finding::new(code::THREAD_TAP_OVERRIDE, span, message));

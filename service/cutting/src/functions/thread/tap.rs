@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::pass::axis_limits;
-use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, too_long};
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, Travel, missing, too_long};
 
 /// A tap whose spindle stays below this share of its speed is reported.
 const SPEED_REACHED: f64 = 0.99;
@@ -31,14 +31,15 @@ impl TapRun {
         stroke: &ThreadMove,
         element: Element,
         span: SourceSpan,
-        machine: &Machine,
+        travel: Travel<'_>,
         findings: &mut FindingLog,
     ) -> Option<Self> {
+        let machine = travel.machine;
         if let Some(axis) = missing_axis(&element, machine) {
             findings.push(missing(axis, span, machine));
             return None;
         }
-        check_travel(&element, machine, findings);
+        travel.check(&element, findings);
         let rev_per_s = stroke.spindle.rev_per_s(0.0).min(machine.max_spindle_rev_per_min / 60.0);
         let wanted_mm_per_s = stroke.lead_mm * rev_per_s;
         let limits = path_limits(&element, machine, PathMotion::ZERO).ok()?;

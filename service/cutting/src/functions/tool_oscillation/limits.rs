@@ -11,6 +11,7 @@ use super::blended::Demand;
 use super::code;
 use super::superposition::rotary_rad;
 use super::{DirectionLimits, OscillationCut, OscillationJob, OscillationLimits, OscillationRun, ToolOscillation};
+use crate::shared::reach::Reach;
 use crate::shared::wording::decimal;
 
 /// Most of the spindle's angular speed with which the feed direction may turn.
@@ -41,11 +42,15 @@ pub(crate) struct LeftOver {
     pub(crate) machine: Arc<Machine>,
     /// What the path itself may do at most.
     pub(crate) path: Option<PathLimits>,
+    /// How far it moves the tool from the path.
+    pub(crate) reach: Reach,
 }
 
 impl LeftOver {
-    pub(crate) fn of_machine(machine: &Arc<Machine>) -> Self {
-        Self { machine: Arc::clone(machine), path: None }
+    /// Of a tool that stands along Z.
+    pub(crate) fn of_machine(machine: &Arc<Machine>, run: &OscillationRun) -> Self {
+        let [feed_mm, cross_mm, axial_mm] = run.amplitudes_mm();
+        Self { machine: Arc::clone(machine), path: None, reach: Reach::InPlane { feed_mm, cross_mm, axial_mm } }
     }
 }
 
@@ -236,8 +241,12 @@ impl GuidedLimits {
         self.shares == *shares
     }
 
-    pub(crate) fn left_over(&self) -> LeftOver {
-        LeftOver { machine: Arc::clone(&self.machine), path: Some(self.path) }
+    pub(crate) fn left_over(&self, run: &OscillationRun) -> LeftOver {
+        let [feed_mm, cross_mm, axial_mm] = run.amplitudes_mm();
+        let AxisShares { axes, shares, .. } = self.shares;
+        let most = |[across, along]: [f64; 2]| across * libm::hypot(feed_mm, cross_mm) + along * axial_mm;
+        let reach = Reach::Guided(core::array::from_fn(|k| (axes[k], most(shares[k]))));
+        LeftOver { machine: Arc::clone(&self.machine), path: Some(self.path), reach }
     }
 }
 

@@ -166,9 +166,9 @@ impl ActiveOscillation {
     ) -> Option<LeftOver> {
         let run = self.run.as_ref()?;
         let left = match element.curve {
-            Curve::FiveAxis(_) => self.guided_left.as_ref()?.left_over(),
-            Curve::Line => LeftOver::of_machine(&self.left.as_ref()?.straight),
-            Curve::Arc(_) | Curve::Spline(_) => LeftOver::of_machine(&self.left.as_ref()?.curved),
+            Curve::FiveAxis(_) => self.guided_left.as_ref()?.left_over(run),
+            Curve::Line => LeftOver::of_machine(&self.left.as_ref()?.straight, run),
+            Curve::Arc(_) | Curve::Spline(_) => LeftOver::of_machine(&self.left.as_ref()?.curved, run),
         };
         if self.open.is_none() {
             let run = Box::new(OscillationRun { frame, ..(**run).clone() });

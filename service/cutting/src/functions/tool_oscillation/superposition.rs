@@ -84,6 +84,12 @@ impl OscillationScratch {
 }
 
 impl OscillationRun {
+    /// Amplitudes along the feed, across it and along the tool axis, mm.
+    pub(crate) fn amplitudes_mm(&self) -> [f64; 3] {
+        let ToolOscillation { feed, cross, axial, .. } = &self.oscillation;
+        [feed.amplitude_mm, cross.as_ref().map_or(0.0, |cross| cross.amplitude_mm), axial.amplitude_mm]
+    }
+
     /// The same with all amplitudes multiplied by a share, as they are written. A blend that is as long as the amplitude needs may be
     /// shorter then.
     pub(crate) fn with_amplitudes(&self, share: f64, feed_per_period_mm: f64) -> Self {

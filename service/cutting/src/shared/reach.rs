@@ -1,0 +1,71 @@
+//! How far an oscillation takes the axes from the path.
+
+use feedwave_motion::{Curve, Element};
+use feedwave_program::{Axis, Position};
+
+/// Places of a curved element at which its extent with the oscillation is examined.
+const PLACES: u32 = 512;
+
+/// How far an oscillation moves the tool from an element at most.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Reach {
+    /// Along the feed and across it in the work plane, and along Z, mm.
+    InPlane { feed_mm: f64, cross_mm: f64, axial_mm: f64 },
+    /// Of a guided tool, by linear axis, mm.
+    Guided([(Axis, f64); 3]),
+}
+
+impl Reach {
+    /// The most that an element spans with it, work coordinates.
+    pub(crate) fn at_most(&self, element: &Element) -> (Position, Position) {
+        let mut extent = element.extent();
+        match *self {
+            Self::InPlane { feed_mm, cross_mm, axial_mm } => {
+                let most = [(Axis::X, feed_mm + cross_mm), (Axis::Y, feed_mm + cross_mm), (Axis::Z, axial_mm)];
+                widen(&mut extent, &most);
+            }
+            Self::Guided(axes) => widen(&mut extent, &axes),
+        }
+        extent
+    }
+
+    /// What an element spans with it, work coordinates.
+    pub(crate) fn extent(&self, element: &Element) -> (Position, Position) {
+        let Self::InPlane { feed_mm, cross_mm, axial_mm } = *self else { return self.at_most(element) };
+        let mut extent = element.extent();
+        widen(&mut extent, &[(Axis::Z, axial_mm)]);
+        // What a curve may swing out between two places.
+        let step_mm = element.length / f64::from(PLACES);
+        let (places, between_mm) = match element.curve {
+            Curve::Line => (1, 0.0),
+            _ => (PLACES, 0.25 * element.curvature().abs() * step_mm * step_mm),
+        };
+        for place in 0..=places {
+            let s = element.length * f64::from(place) / f64::from(places);
+            let tangent = element.tangent(s);
+            let [along_x, along_y] = [Axis::X, Axis::Y].map(|axis| tangent[axis.index()]);
+            let in_plane = libm::hypot(along_x, along_y);
+            if in_plane == 0.0 {
+                continue;
+            }
+            let [along_x, along_y] = [along_x, along_y].map(|share| share.abs() / in_plane);
+            let offsets =
+                [(Axis::X, feed_mm * along_x + cross_mm * along_y), (Axis::Y, feed_mm * along_y + cross_mm * along_x)];
+            for (axis, offset_mm) in offsets {
+                let mut at = [0.0];
+                element.fill_axis(axis, &[s], &mut at);
+                let index = axis.index();
+                extent.0[index] = extent.0[index].min(at[0] - offset_mm - between_mm);
+                extent.1[index] = extent.1[index].max(at[0] + offset_mm + between_mm);
+            }
+        }
+        extent
+    }
+}
+
+fn widen((low, high): &mut (Position, Position), by: &[(Axis, f64)]) {
+    for &(axis, mm) in by {
+        low[axis.index()] -= mm;
+        high[axis.index()] += mm;
+    }
+}
