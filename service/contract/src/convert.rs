@@ -26,7 +26,7 @@ pub use action::action_to_proto;
 pub use decision::{
     action_name, decision_from_proto, decision_to_proto, overrides_to_proto, spindle_answer_from_proto, state_to_proto,
 };
-pub use feed_override::overrides_from_proto;
+pub use feed_override::{check_holds, overrides_from_proto};
 pub use functions::path_vibration::{
     generation_mode_from_proto, generation_mode_to_proto, vibration_envelope_from_proto, vibration_envelope_to_proto,
 };

@@ -76,7 +76,7 @@ class FeedChange:
     setpoint_index: int
     """First setpoint under it."""
     ratio: float
-    """Ratio of the feed to the programmed one, 0 to 2; 0 is feed hold."""
+    """Ratio of the feed to the programmed one, 0.01 to 2, or 0: feed hold."""
     cause: str
     """`DECISION`, `HOLD`, `RESUME`, `STOP`, `ABORT`, `ESCALATION` or `SPINDLE`."""
     decision_number: int

@@ -30,7 +30,7 @@ class Override:
     """A change of the feed override, which is part of the plan."""
 
     ratio: float
-    """Ratio of the feed to the programmed one, 0 to 2; 0 is feed hold."""
+    """Ratio of the feed to the programmed one, 0.01 to 2, or 0: feed hold."""
     time_s: float | None = None
     """Time from the program's start from which it acts, s."""
     setpoint_index: int | None = None

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use feedwave_contract::convert::overrides_from_proto;
+use feedwave_contract::convert::{check_holds, overrides_from_proto};
 use feedwave_contract::proto::FeedOverrideChange;
 use feedwave_contract::proto::feed_override_change::At;
 use feedwave_contract::violations::Violations;
@@ -47,6 +47,9 @@ impl OverrideArgs {
         let period_us = config.interpolation_period_us;
         let changes = self.clone().into_request();
         let overrides = overrides_from_proto(&mut violations, "--override", &changes, period_us);
+        if violations.is_empty() {
+            check_holds(&mut violations, "--override", &overrides, period_us);
+        }
         if violations.is_empty() {
             Arc::make_mut(&mut config).overrides = overrides;
             return Ok(config);
@@ -124,5 +127,7 @@ mod tests {
         assert_eq!(lines.len(), 2, "{error}");
         assert!(lines[0].starts_with("--override 1:80: must not lie before"), "{error}");
         assert!(lines[1].starts_with("--override 3:0: must be above 0"), "{error}");
+        let error = apply(&["2:0", "90000:80"]).unwrap_err();
+        assert!(error.starts_with("--override 90000:80: must lie within 86400 s"), "{error}");
     }
 }

@@ -25,8 +25,6 @@ pub fn overrides_from_proto(
         return Vec::new();
     }
     let mut converted: Vec<OverrideChange> = Vec::with_capacity(changes.len());
-    let held_at_most = (1e6 * MAX_HOLD_S / f64::from(period_us.max(1))) as u64;
-    let mut held_from = None;
     for (number, change) in changes.iter().enumerate() {
         let name = |part: &str| format!("{field}[{number}].{part}");
         // Absent is not 0: that would hold the feed.
@@ -51,20 +49,12 @@ pub fn overrides_from_proto(
                 Err((part, format!("must be at most setpoint {MAX_SETPOINTS}, is setpoint {index}")))
             } else if index < before {
                 Err((part, format!("must not lie before the change above it, at setpoint {before}")))
-            } else if held_from.is_some_and(|from| index - from > held_at_most) {
-                Err((
-                    part,
-                    format!("must lie within {MAX_HOLD_S} s of where the feed is held, as that is the longest hold"),
-                ))
             } else {
                 Ok(index)
             }
         });
         match index {
-            Ok(index) => {
-                held_from = if ratio == 0.0 { held_from.or(Some(index)) } else { None };
-                converted.push(OverrideChange { index, ratio });
-            }
+            Ok(index) => converted.push(OverrideChange { index, ratio }),
             Err((part, description)) => violations.add(name(part), description),
         }
     }
@@ -73,6 +63,20 @@ pub fn overrides_from_proto(
         violations.add(name, "must be above 0 in the last change: held for ever, the program would not end");
     }
     converted
+}
+
+/// A violation for each change behind a hold of the feed that is longer than a plan is validated for. What a run was held for may be
+/// longer, and is streamed again all the same.
+pub fn check_holds(violations: &mut Violations, field: &str, changes: &[OverrideChange], period_us: u32) {
+    let most = (1e6 * MAX_HOLD_S / f64::from(period_us.max(1))) as u64;
+    let mut held_from = None;
+    for (number, change) in changes.iter().enumerate() {
+        if held_from.is_some_and(|from| change.index.saturating_sub(from) > most) {
+            let description = format!("must lie within {MAX_HOLD_S} s of where the feed is held: no hold is planned longer");
+            violations.add(format!("{field}[{number}].at"), description);
+        }
+        held_from = if change.ratio == 0.0 { held_from.or(Some(change.index)) } else { None };
+    }
 }
 
 #[cfg(test)]
@@ -146,13 +150,17 @@ mod tests {
         }
         let held = |changes: &[(f64, f64)]| {
             let changes: Vec<_> = changes.iter().map(|&(time_s, ratio)| at_time(time_s, ratio)).collect();
-            convert(&changes, 1_000).map(|changes| changes.len())
+            let mut violations = Violations::default();
+            let converted = overrides_from_proto(&mut violations, "overrides", &changes, 1_000);
+            assert!(violations.is_empty());
+            check_holds(&mut violations, "overrides", &converted, 1_000);
+            violations.as_slice().iter().map(|violation| violation.field.clone()).collect::<Vec<_>>()
         };
-        assert_eq!(held(&[(10.0, 0.0), (86_410.0, 1.0)]), Ok(2));
-        assert_eq!(held(&[(10.0, 0.0), (86_410.1, 1.0)]), Err(vec!["overrides[1].time_s".to_owned()]));
+        assert_eq!(held(&[(10.0, 0.0), (86_410.0, 1.0)]), [""; 0]);
+        assert_eq!(held(&[(10.0, 0.0), (86_410.1, 1.0)]), ["overrides[1].at"]);
         // Held once more is held on.
-        assert_eq!(held(&[(0.0, 0.0), (80_000.0, 0.0), (90_000.0, 1.0)]), Err(vec!["overrides[2].time_s".to_owned()]));
-        assert_eq!(held(&[(0.0, 0.0), (80_000.0, 0.5), (80_001.0, 0.0), (90_000.0, 1.0)]), Ok(4));
+        assert_eq!(held(&[(0.0, 0.0), (80_000.0, 0.0), (90_000.0, 1.0)]), ["overrides[2].at"]);
+        assert_eq!(held(&[(0.0, 0.0), (80_000.0, 0.5), (80_001.0, 0.0), (90_000.0, 1.0)]), [""; 0]);
     }
 
     #[test]

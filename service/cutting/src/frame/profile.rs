@@ -364,7 +364,7 @@ pub const MAX_SERVO_SUBSTEPS: u32 = 64;
 pub const MIN_OVERRIDE_RATIO: f64 = 0.01;
 /// Highest ratio of the feed override.
 pub const MAX_OVERRIDE_RATIO: f64 = 2.0;
-/// Longest hold of the feed that is planned, s: as long as a block may take.
+/// Longest hold of the feed that a plan is validated with, s: as long as a block may take.
 pub const MAX_HOLD_S: f64 = MAX_BLOCK_DURATION_S;
 
 /// Whether the feed override can have this ratio: 0, which holds the feed, or [`MIN_OVERRIDE_RATIO`] to [`MAX_OVERRIDE_RATIO`].

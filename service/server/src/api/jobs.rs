@@ -231,6 +231,7 @@ impl Api {
             &request.overrides,
             checked.requested.interpolation_period_us,
         );
+        convert::check_holds(&mut violations, "overrides", &overrides, checked.requested.interpolation_period_us);
         violations.finish()?;
         let profile = match (profile, machine_id) {
             (Some(profile), _) => profile,
