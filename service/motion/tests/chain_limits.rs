@@ -82,6 +82,7 @@ fn elements(pieces: &[Piece]) -> Vec<Element> {
             spline: None,
             path_control: PathControl::default(),
             cycle: None,
+            leads_xyz: false,
         };
         elements.extend(Element::from_move(&mv, SourceSpan::default()));
         at = end;

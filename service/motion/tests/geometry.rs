@@ -19,6 +19,7 @@ fn moved(start: Position, end: Position, arc: Option<ArcGeometry>) -> Move {
         spline: None,
         path_control: PathControl::default(),
         cycle: None,
+        leads_xyz: false,
     }
 }
 

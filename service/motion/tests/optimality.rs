@@ -31,6 +31,7 @@ fn mv(start: Position, end: Position) -> Move {
         spline: None,
         path_control: PathControl::default(),
         cycle: None,
+        leads_xyz: false,
     }
 }
 

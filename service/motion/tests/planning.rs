@@ -132,6 +132,7 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>) -> Option<E
         spline: None,
         path_control: PathControl::default(),
         cycle: None,
+        leads_xyz: false,
     };
     Element::from_move(&mv, SourceSpan::default())
 }

@@ -26,6 +26,7 @@ fn requests(pieces: &[(f64, f64, f64, u32)]) -> Vec<MotionRequest> {
             spline: None,
             path_control: PathControl::default(),
             cycle: None,
+            leads_xyz: false,
         };
         mv.start[0] = at;
         mv.end[0] = at + length_mm;

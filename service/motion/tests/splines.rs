@@ -33,6 +33,7 @@ fn element(geometry: &SplineGeometry, rise: f64) -> Option<Element> {
         spindle: Spindle::STOPPED,
         tool: 0,
         cycle: None,
+        leads_xyz: false,
     };
     Element::from_move(&mv, SourceSpan::default())
 }

@@ -20,6 +20,7 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>) -> Element 
         spline: None,
         path_control: PathControl::default(),
         cycle: None,
+        leads_xyz: false,
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

@@ -72,7 +72,8 @@ pub fn check_holds(violations: &mut Violations, field: &str, changes: &[Override
     let mut held_from = None;
     for (number, change) in changes.iter().enumerate() {
         if held_from.is_some_and(|from| change.index.saturating_sub(from) > most) {
-            let description = format!("must lie within {MAX_HOLD_S} s of where the feed is held: no hold is planned longer");
+            let description =
+                format!("must lie within {MAX_HOLD_S} s of where the feed is held: no hold is planned longer");
             violations.add(format!("{field}[{number}].at"), description);
         }
         held_from = if change.ratio == 0.0 { held_from.or(Some(change.index)) } else { None };

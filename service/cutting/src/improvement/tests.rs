@@ -459,3 +459,17 @@ fn frequencies_stay_around_the_programmed_one_in_all_rounds() {
     }
     assert!(rounds > 6, "{rounds}");
 }
+
+/// At the limit of an axis the best amplitude has no room for being rounded up: another frequency has.
+#[test]
+fn a_vibration_at_a_limit_is_written_at_a_frequency_with_room() {
+    let goals = ImprovementGoals {
+        vibration: SearchGoals { margin: 1.6, speed_tolerance: 0.0, max_feed_override: 1.0, frequency_hz: None },
+        ..goals()
+    };
+    let config =
+        Arc::new(PipelineConfig { interpolation_period_us: 1_000, ..PipelineConfig::new(MachineProfile::lathe()) });
+    let program = "G21 G18 G97 G99 S2460 M3\nG0 X30. Z2.\nG200 F54.0 A0.0454\nG1 Z-15. F0.0723\nG201\nG0 X32.\nM30\n";
+    let result = improved(program, &config, &goals);
+    assert!(result.holds() && !result.changes.is_empty(), "{:?}", result.steps);
+}

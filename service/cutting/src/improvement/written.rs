@@ -10,6 +10,8 @@ use crate::{FoundVibration, SectionCorners, VibrationSearch};
 const FREQUENCY_DECIMALS: usize = 3;
 /// What the last one stands for, Hz.
 const FREQUENCY_STEP_HZ: f64 = 1e-3;
+/// Most steps from the best frequency at which another one is looked for.
+const MOST_STEPS: f64 = 65_536.0;
 /// Decimals of an amplitude in mm, and in inches.
 const AMPLITUDE_DECIMALS: [usize; 2] = [4, 5];
 const MM_PER_INCH: f64 = 25.4;
@@ -39,11 +41,11 @@ pub(super) fn rounded(
 ) -> Option<(FoundVibration, Vec<(Word, String)>)> {
     let unit_mm = if words.inch { MM_PER_INCH } else { 1.0 };
     let decimals = AMPLITUDE_DECIMALS[usize::from(words.inch)];
-    let nearest = (found.frequency_hz / FREQUENCY_STEP_HZ).round();
-    // The next ones where the nearest is just beyond a limit.
-    let frequencies = [nearest, nearest - 1.0, nearest + 1.0].map(|steps| steps * FREQUENCY_STEP_HZ);
-    let candidates = frequencies.into_iter().filter_map(|frequency_hz| {
-        let least_mm = search.least_amplitude_mm(frequency_hz)?;
+    let [low_hz, high_hz] = search.frequency_hz;
+    let range = low_hz * (1.0 - 1e-12)..=high_hz * (1.0 + 1e-12);
+    let at = |steps: f64| {
+        let frequency_hz = steps * FREQUENCY_STEP_HZ;
+        let least_mm = search.least_amplitude_mm(frequency_hz).filter(|_| range.contains(&frequency_hz))?;
         let rounded_mm = round_up(least_mm / unit_mm, decimals) * unit_mm;
         let keeps = !least_amplitude
             && programmed.amplitude_mm >= least_mm
@@ -52,11 +54,15 @@ pub(super) fn rounded(
         search
             .suffices(frequency_hz, amplitude_mm * (1.0 + 1e-12))
             .then_some(FoundVibration { frequency_hz, amplitude_mm })
-    });
-    let [low_hz, high_hz] = search.frequency_hz;
-    let range = low_hz * (1.0 - 1e-12)..=high_hz * (1.0 + 1e-12);
-    let within = candidates.filter(|it| range.contains(&it.frequency_hz));
-    let best = within.min_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))?;
+    };
+    let nearest = (found.frequency_hz / FREQUENCY_STEP_HZ).round();
+    let best = |candidates: &[Option<FoundVibration>]| {
+        candidates.iter().flatten().copied().min_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))
+    };
+    // The next ones where the nearest is just beyond a limit, and where the limits leave no room there for an amplitude that is
+    // rounded up, the nearest ones that have it.
+    let best = best(&[0.0, -1.0, 1.0].map(|steps| at(nearest + steps)))
+        .or_else(|| best(&[-1.0, 1.0].map(|sense| nearest_room(|steps| at(nearest + sense * steps)))))?;
     // No change that gains nothing: what is programmed is as good as can be written.
     if search.suffices(programmed.frequency_hz, programmed.amplitude_mm) && best.amplitude_mm >= programmed.amplitude_mm
     {
@@ -70,6 +76,22 @@ pub(super) fn rounded(
         changes.push((words.amplitude.clone(), word('A', best.amplitude_mm / unit_mm, decimals)));
     }
     Some((best, changes))
+}
+
+/// The vibration of the fewest steps that has one, of a limit that leaves more room with every step.
+fn nearest_room(at: impl Fn(f64) -> Option<FoundVibration>) -> Option<FoundVibration> {
+    let (mut none, mut some) = (1.0, 2.0);
+    while at(some).is_none() {
+        (none, some) = (some, 2.0 * some);
+        if some > MOST_STEPS {
+            return None;
+        }
+    }
+    while some - none > 1.0 {
+        let middle = (0.5 * (none + some)).floor();
+        *(if at(middle).is_some() { &mut some } else { &mut none }) = middle;
+    }
+    at(some)
 }
 
 /// The best vibration that breaks the chip at corners as well, in the decimals of words, where it changes one.

@@ -221,6 +221,7 @@ impl Program {
                 spindle: Spindle::STOPPED,
                 tool: 0,
                 cycle: None,
+                leads_xyz: false,
             };
             elements
                 .extend(Element::from_move(&mv, SourceSpan { line, column: 1, length: 1, ..SourceSpan::default() }));
