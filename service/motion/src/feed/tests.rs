@@ -22,6 +22,7 @@ fn element(kind: MoveKind, start: [f64; 3], end: [f64; 3], arc: Option<ArcGeomet
         spline: None,
         path_control: PathControl::default(),
         cycle: None,
+        leads_xyz: false,
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

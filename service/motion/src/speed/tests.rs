@@ -36,6 +36,7 @@ fn mv(from: [f64; 2], to: [f64; 2], arc: Option<ArcGeometry>) -> Element {
         spline: None,
         path_control: PathControl::default(),
         cycle: None,
+        leads_xyz: false,
     };
     mv.start[..2].copy_from_slice(&from);
     mv.end[..2].copy_from_slice(&to);
