@@ -1,11 +1,13 @@
-//! Picture of the planned motion over time: feed, acceleration and jerk along the path.
+//! Picture of the planned motion over time: the feed along the path, acceleration and jerk of the axes against their limits.
 
 use std::ops::Range;
 
 use feedwave_cutting::SetpointBlock;
 
 use super::AxisShown;
-use super::figure::{Axis, Beside, Figure, Layout, M_PER_S2, M_PER_S3, MM_PER_MIN, Panel, SECONDS, Unit};
+use super::figure::{
+    Axis, Beside, Figure, Layout, M_PER_S2, M_PER_S3, MM_PER_MIN, PERCENT, Panel, SECONDS, Unit, number,
+};
 use super::motion::MotionCurves;
 use super::rapids::RapidLines;
 use super::series::Series;
@@ -21,8 +23,6 @@ const HEADROOM: f64 = 1.15;
 const LABELLED_HEADROOM: f64 = 1.35;
 /// A limit up to this many times as large as what is drawn is drawn, too.
 const NEAR_LIMIT: f64 = 2.5;
-/// Ways below this, mm or degrees, say nothing of a direction: positions are rounded.
-const LEAST_WAY: f64 = 1e-6;
 
 /// Collects the motion along the path from its feed, setpoint by setpoint, in bounded memory.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ pub(super) struct PathDynamics {
     feed_mm_per_min: Series,
     acceleration_m_per_s2: Series,
     jerk_m_per_s3: Series,
-    limits: PathLimits,
+    axes: Vec<AxisUse>,
     /// The last two feeds, older first, m/s.
     last: [f64; 2],
     seen: u64,
@@ -39,45 +39,34 @@ pub(super) struct PathDynamics {
     overrides: Vec<(f64, f64)>,
 }
 
-/// What the axes permit along the path in its direction: where the first of them is at its own limit.
+/// What an axis is asked for by its setpoints, in per cent of its limits.
 #[derive(Clone, Debug)]
-struct PathLimits {
-    axes: Vec<AxisShown>,
-    /// The last positions of the axes, and the place on the path.
-    last: Option<(Vec<f64>, f64)>,
-    feed_mm_per_min: Series,
-    acceleration_m_per_s2: Series,
-    jerk_m_per_s3: Series,
+struct AxisUse {
+    axis: AxisShown,
+    /// The last three positions, older first.
+    last: [f64; 3],
+    acceleration: Series,
+    jerk: Series,
 }
 
-impl PathLimits {
-    fn new(axes: &[AxisShown]) -> Self {
-        let [feed_mm_per_min, acceleration_m_per_s2, jerk_m_per_s3] = [(); 3].map(|()| Series::default());
-        Self { axes: axes.to_vec(), last: None, feed_mm_per_min, acceleration_m_per_s2, jerk_m_per_s3 }
+impl AxisUse {
+    fn new(axis: &AxisShown) -> Self {
+        Self { axis: axis.clone(), last: [0.0; 3], acceleration: Series::default(), jerk: Series::default() }
     }
 
-    /// Takes in a setpoint: the direction is that from the one before.
-    fn push(&mut self, block: &SetpointBlock, row: usize, time_s: f64) {
-        let place = block.path_position_mm[row] + block.vibration_offset_mm[row];
-        let here: Vec<f64> = block.axes.iter().map(|axis| axis[row]).collect();
-        let Some((before, place_before)) = self.last.replace((here, place)) else { return };
-        let way = (place - place_before).abs();
-        let Some((here, _)) = self.last.as_ref().filter(|_| way > LEAST_WAY) else { return };
-        let along = |limit: fn(&AxisShown) -> f64| {
-            let axes = self.axes.iter().zip(here.iter().zip(&before));
-            let permitted = axes.map(|(axis, (here, before))| limit(axis) * way / (here - before).abs());
-            permitted.fold(f64::INFINITY, f64::min)
-        };
-        let [velocity, acceleration, jerk] = [
-            along(|axis| axis.max_velocity_per_s),
-            along(|axis| axis.max_acceleration_per_s2),
-            along(|axis| axis.max_jerk_per_s3),
-        ];
-        if velocity.is_finite() {
-            self.feed_mm_per_min.push(time_s, 60.0 * velocity);
-            self.acceleration_m_per_s2.push(time_s, 1e-3 * acceleration);
-            self.jerk_m_per_s3.push(time_s, 1e-3 * jerk);
+    /// Takes in a position behind so many others.
+    fn push(&mut self, position: f64, seen: u64, time_s: f64, h: f64) {
+        let [a, b, c] = self.last;
+        // A difference belongs to the middle of its setpoints.
+        if seen >= 2 {
+            let acceleration = ((position - c) - (c - b)) / (h * h);
+            self.acceleration.push(time_s - h, 100.0 * acceleration / self.axis.max_acceleration_per_s2);
         }
+        if seen >= 3 {
+            let jerk = ((position - a) - 3.0 * (c - b)) / (h * h * h);
+            self.jerk.push(time_s - 1.5 * h, 100.0 * jerk / self.axis.max_jerk_per_s3);
+        }
+        self.last = [b, c, position];
     }
 }
 
@@ -88,7 +77,7 @@ impl PathDynamics {
             feed_mm_per_min: Series::default(),
             acceleration_m_per_s2: Series::default(),
             jerk_m_per_s3: Series::default(),
-            limits: PathLimits::new(axes),
+            axes: axes.iter().map(AxisUse::new).collect(),
             last: [0.0; 2],
             seen: 0,
             overrides: Vec::new(),
@@ -105,8 +94,9 @@ impl PathDynamics {
         for row in 0..block.len() {
             let (feed_mm_per_min, line) = (block.feed_mm_per_min[row], block.line[row]);
             let time_s = (block.first_index + row as u64) as f64 * h;
-            // The direction from one setpoint to the next belongs to the middle of both.
-            self.limits.push(block, row, time_s - 0.5 * h);
+            for (axis, positions) in self.axes.iter_mut().zip(&block.axes) {
+                axis.push(positions[row], self.seen, time_s, h);
+            }
             if rapids.contains(line, feed_mm_per_min) {
                 self.feed_mm_per_min.push(time_s, feed_mm_per_min);
             } else {
@@ -147,14 +137,14 @@ impl DynamicsPicture<'_> {
     pub(super) fn figure(&self) -> Figure {
         let dynamics = self.dynamics;
         let superposed =
-            if self.curves.is_superposed() { "these curves are without what is superposed \u{b7} " } else { "" };
-        let limited = if self.axes_are_the_machines {
-            " \u{b7} limit along the path: where the first axis is at its own in the direction of the path"
+            if self.curves.is_superposed() { " \u{b7} the feed is without what is superposed" } else { "" };
+        let used = if self.axes_are_the_machines {
+            " \u{b7} acceleration and jerk of each axis by its setpoints, in per cent of its limit"
         } else {
             ""
         };
         let subtitle = format!(
-            "{} \u{b7} as commanded along the path \u{b7} {superposed}setpoints every {} ms{limited}",
+            "{} \u{b7} as commanded{superposed}{used} \u{b7} setpoints every {} ms",
             self.program,
             dynamics.period_s * 1e3
         );
@@ -165,48 +155,47 @@ impl DynamicsPicture<'_> {
         self.mark_overrides(&mut panel, end_s, true);
         let ink = Ink::line("feed along the path", theme::INK, 2.0);
         panel.path_beyond(&ink, feed.points(), "rapid moves");
-        self.limit(&mut panel, &dynamics.limits.feed_mm_per_min, false);
-        note_limits(&mut panel, &limits(self.axes, |axis| 60.0 * axis.max_velocity_per_s));
+        note_limits(&mut panel, &limits(self.axes, |axis| 60.0 * axis.max_velocity_per_s), MM_PER_MIN);
         let mut panels = vec![panel];
-        let acceleration = limits(self.axes, |axis| 1e-3 * axis.max_acceleration_per_s2);
-        let jerk = limits(self.axes, |axis| 1e-3 * axis.max_jerk_per_s3);
-        for (name, unit, series, limit, limits, color) in [
-            (
-                "acceleration",
-                M_PER_S2,
-                &dynamics.acceleration_m_per_s2,
-                &dynamics.limits.acceleration_m_per_s2,
-                acceleration,
-                theme::COMMAND,
-            ),
-            ("jerk", M_PER_S3, &dynamics.jerk_m_per_s3, &dynamics.limits.jerk_m_per_s3, jerk, theme::PALETTE[3]),
+        for (name, unit, series, color) in [
+            ("acceleration", M_PER_S2, &dynamics.acceleration_m_per_s2, theme::COMMAND),
+            ("jerk", M_PER_S3, &dynamics.jerk_m_per_s3, theme::PALETTE[3]),
         ] {
-            let mut panel = self.panel(name, unit, about_zero(series, self.drawn(limit)), end_s);
+            if self.axes_are_the_machines {
+                panels.push(self.used(name, unit, end_s));
+                continue;
+            }
+            let largest = series.extent().map_or(0.0, |(low, high)| high.max(-low));
+            let largest = (HEADROOM * largest).max(1e-3);
+            let mut panel = self.panel(name, unit, -largest..largest, end_s);
             self.mark_overrides(&mut panel, end_s, false);
             panel.path(&Ink::line(format!("{name} along the path"), color, 2.0), series.points());
-            self.limit(&mut panel, limit, true);
-            note_limits(&mut panel, &limits);
             panels.push(panel);
         }
         panels.iter_mut().rev().skip(1).for_each(|panel| panel.x.labelled = false);
         Figure::new("motion", "Motion over time", subtitle, Layout::column(panels))
     }
 
-    /// The limit along the path, where the picture has one.
-    fn drawn<'b>(&self, limit: &'b Series) -> Option<&'b Series> {
-        Some(limit).filter(|_| self.axes_are_the_machines)
-    }
-
-    /// Draws the limit along the path, `mirrored` below zero as well. What is superposed takes its part of it, so it is left out there.
-    fn limit(&self, panel: &mut Panel, limit: &Series, mirrored: bool) {
-        let Some(limit) = self.drawn(limit) else { return };
-        let plain = |(time_s, value)| (time_s, if self.curves.vibrates_at(time_s) { f64::NAN } else { value });
-        let points: Vec<_> = limit.points().into_iter().map(plain).collect();
-        let ink = Ink::limit("limit along the path");
-        if mirrored {
-            panel.path(&ink, points.iter().map(|&(time_s, value)| (time_s, -value)).collect());
+    /// What the axes are asked for, in per cent of their limits, which hold for each axis and not along the path.
+    fn used(&self, name: &str, unit: Unit, end_s: f64) -> Panel {
+        type Of = (fn(&AxisUse) -> &Series, fn(&AxisShown) -> f64);
+        let (series, limit): Of = match name {
+            "jerk" => (|axis| &axis.jerk, |axis| 1e-3 * axis.max_jerk_per_s3),
+            _ => (|axis| &axis.acceleration, |axis| 1e-3 * axis.max_acceleration_per_s2),
+        };
+        let axes = &self.dynamics.axes;
+        let largest = |(low, high): (f64, f64)| high.max(-low);
+        let largest = axes.iter().filter_map(|axis| series(axis).extent().map(largest)).fold(0.0, f64::max);
+        let largest = (HEADROOM * largest).max(100.0 * LABELLED_HEADROOM);
+        let mut panel = self.panel(&format!("{name} / limit"), PERCENT, -largest..largest, end_s);
+        self.mark_overrides(&mut panel, end_s, false);
+        for (index, axis) in axes.iter().enumerate() {
+            let color = theme::PALETTE[index % theme::PALETTE.len()];
+            panel.path(&Ink::line(axis.axis.name.clone(), color, 2.0), series(axis).points());
         }
-        panel.path(&ink, points);
+        both_limits(&mut panel, &Ink::limit("limit of the axis"), &[(100.0, "the axis".to_owned())]);
+        note_limits(&mut panel, &limits(self.axes, limit), unit);
+        panel
     }
 
     fn panel(&self, label: &str, unit: Unit, range: Range<f64>, end_s: f64) -> Panel {
@@ -243,9 +232,9 @@ fn limits(axes: &[AxisShown], of: impl Fn(&AxisShown) -> f64) -> Vec<(f64, Strin
     limits
 }
 
-/// Says the limits of the axes.
-fn note_limits(panel: &mut Panel, limits: &[(f64, String)]) {
-    let each = limits.iter().map(|(value, axes)| format!("{axes} {}", panel.y.value(*value)));
+/// Says the limits of the linear axes.
+fn note_limits(panel: &mut Panel, limits: &[(f64, String)], unit: Unit) {
+    let each = limits.iter().map(|(value, axes)| format!("{axes} {} {}", number(*value, *value), unit.symbol));
     let each = each.collect::<Vec<_>>().join(", ");
     if !each.is_empty() {
         panel.note(format!("limits of the axes: {each}"));
@@ -275,13 +264,4 @@ pub(super) fn with_limits(range: &Range<f64>, limits: &[(f64, String)]) -> Range
     let low = near(-range.start).map(|limit| -LABELLED_HEADROOM * limit).fold(range.start, f64::min);
     let high = near(range.end).map(|limit| LABELLED_HEADROOM * limit).fold(range.end, f64::max);
     low..high
-}
-
-/// A range with zero in its middle, with the limit where it is near.
-fn about_zero(series: &Series, limit: Option<&Series>) -> Range<f64> {
-    let largest = series.extent().map_or(0.0, |(low, high)| high.max(-low));
-    let highest = limit.and_then(Series::extent).map_or(0.0, |extent| extent.1);
-    let near = if highest <= NEAR_LIMIT * largest { highest } else { 0.0 };
-    let largest = (HEADROOM * largest.max(near)).max(1e-3);
-    -largest..largest
 }

@@ -140,12 +140,6 @@ impl MotionCurves {
         !self.vibrating_spans.is_empty()
     }
 
-    /// Whether something is superposed at this time.
-    pub(super) fn vibrates_at(&self, time_s: f64) -> bool {
-        let behind = self.vibrating_spans.partition_point(|span| span.1 < time_s);
-        self.vibrating_spans.get(behind).is_some_and(|span| span.0 <= time_s)
-    }
-
     /// Colours the times in which the tool vibrates.
     pub(super) fn shade_vibrating(&self, panel: &mut Panel) {
         panel.shade(&Ink::fill(self.doing(), theme::VIBRATION, 0.15), self.vibrating_spans.iter().copied());
