@@ -374,7 +374,9 @@ fn overrides_that_make_no_sense_are_refused_as_they_were_typed() {
     let program = fixture("spec-trap-cured.nc");
     for (overrides, reason) in [
         (&["10"][..], "with a colon between them"),
-        (&["10:250"], "the percentage \"250\" must be a number from 0"),
+        (&["10:250"], "the percentage \"250\" must be 0 (feed hold), or a number from 1 to 200"),
+        (&["0:1e-9"], "the percentage \"1e-9\" must be 0 (feed hold), or a number from 1 to 200"),
+        (&["0:0", "90000:100"], "--override 90000:100: must lie within 86400 s"),
         (&["10:50", "5:100"], "--override 5:100: must not lie before"),
         (&["10:0"], "--override 10:0: must be above 0 in the last change"),
     ] {
