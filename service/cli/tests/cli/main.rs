@@ -289,8 +289,7 @@ fn deviation_and_slowdowns_are_told_and_drawn() {
     };
     let drawn = pictures(&program, "rounded");
     let picture = std::fs::read_to_string(drawn.join("path-deviation.svg")).unwrap();
-    for said in ["Path as programmed and as run", "as programmed", "1: farthest apart, line", "2: most time lost, line"]
-    {
+    for said in ["Path as programmed and as run", "as programmed", "1: farthest apart", "most time lost"] {
         assert!(picture.contains(said), "{said}");
     }
     assert!(drawn.join("path-deviation.png").is_file());

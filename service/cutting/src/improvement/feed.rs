@@ -7,7 +7,7 @@ use feedwave_program::Feed;
 
 use super::actions::Meant;
 use super::judged::{self, Wanted};
-use super::vibration::{Outcome, Section};
+use super::vibration::{Outcome, Section, search};
 use super::words::Word;
 use super::work::{FunctionWords, Work};
 use super::written::{Words, rounded};
@@ -171,7 +171,7 @@ impl<S: Surroundings> Raise<'_, '_, S> {
         raised.iter_mut().flat_map(|section| &mut section.chip_spans).for_each(|span| span.feed_per_rev_mm *= ratio);
         let raised: Vec<&SectionReport> = raised.iter().collect();
         let arriving = judged::arriving(&raised, &self.work.goals.vibration);
-        let search = self.work.search(&raised, arriving).ok()?;
+        let search = search(&raised, arriving, self.work.config, &self.work.goals.vibration).ok()?;
         let margin = |it| arriving * judged::margin(&search, it);
         if search.suffices(self.vibration.frequency_hz, self.vibration.amplitude_mm) {
             return Some(WrittenVibration { found: self.vibration, margin: margin(self.vibration), words: Vec::new() });

@@ -6,13 +6,12 @@
 //! of the changed program are compared with those of the program one by one.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use feedwave_program::{Place, Severity, SourceSpan};
 
 use crate::functions::path_vibration::code;
-use crate::{PipelineConfig, SearchGoals, SectionReport, ValidationReport, VibrationSearch};
+use crate::{PipelineConfig, SearchGoals, ValidationReport};
 
 mod actions;
 mod again;
@@ -188,14 +187,13 @@ pub fn improve<S: Surroundings>(
     goals: &ImprovementGoals,
     surroundings: &mut S,
 ) -> Result<Improvement, S::Error> {
-    let mut frequencies_hz = None;
-    let mut whole = improve_once(program, config, goals, &mut frequencies_hz, surroundings)?;
+    let mut whole = improve_once(program, config, goals, surroundings)?;
     let mut is_settled = whole.changes.is_empty();
     for _ in 1..MAX_ROUNDS {
         if is_settled {
             break;
         }
-        let next = improve_once(&whole.program, config, goals, &mut frequencies_hz, surroundings)?;
+        let next = improve_once(&whole.program, config, goals, surroundings)?;
         is_settled = next.changes.is_empty();
         whole = again::together(whole, next);
     }
@@ -206,7 +204,6 @@ fn improve_once<S: Surroundings>(
     program: &[u8],
     config: &Arc<PipelineConfig>,
     goals: &ImprovementGoals,
-    frequencies_hz: &mut Option<FrequencyRanges>,
     surroundings: &mut S,
 ) -> Result<Improvement, S::Error> {
     let mut work = Work::new(program, config, goals, surroundings);
@@ -216,8 +213,6 @@ fn improve_once<S: Surroundings>(
         return Ok(Improvement { before, after, program, changes: Vec::new(), steps: Vec::new() });
     }
     let mut state = State { edits: Edits::default(), after: before.clone(), steps: Vec::new() };
-    // Around what was programmed at first, not around what came out of the round before.
-    work.frequencies_hz = frequencies_hz.get_or_insert_with(|| ranges(&before)).clone();
     let found = work.function_words()?;
     let mut sections = vibration::improve(&mut work, &before, &found, &mut state)?;
     if state.after.is_accepted() {
@@ -228,17 +223,6 @@ fn improve_once<S: Surroundings>(
     let State { edits, after, steps } = state;
     let (program, changes) = (edits.apply(program, &work.lines), edits.into_changes());
     Ok(Improvement { before, after, program, changes, steps })
-}
-
-/// Lowest and highest frequency that a vibration may get where none are stated, Hz, by the line that switches it on.
-type FrequencyRanges = BTreeMap<u32, [f64; 2]>;
-
-fn ranges(report: &ValidationReport) -> FrequencyRanges {
-    let mut by_line: BTreeMap<u32, Vec<&SectionReport>> = BTreeMap::new();
-    for section in &report.sections {
-        by_line.entry(section.on_line).or_default().push(section);
-    }
-    by_line.into_iter().map(|(line, sections)| (line, VibrationSearch::frequencies_around(&sections))).collect()
 }
 
 /// Whether nothing is wrong with a program but vibrations that an axis cannot follow.

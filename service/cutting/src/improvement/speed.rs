@@ -3,7 +3,7 @@
 use super::Surroundings;
 use super::judged::{margin, vibration_text};
 use super::stability::StabilityGoal;
-use super::vibration::Changed;
+use super::vibration::{Changed, search};
 use super::words::Word;
 use super::work::Work;
 use super::written::{Words, rounded};
@@ -89,7 +89,7 @@ fn nearest<S: Surroundings>(
         let at_speed: Vec<SectionReport> = programmed.sections.iter().map(|section| at_speed(section, tried)).collect();
         let at_speed: Vec<&SectionReport> = at_speed.iter().collect();
         let arriving = programmed.arriving;
-        let Ok(search) = work.search(&at_speed, arriving) else { continue };
+        let Ok(search) = search(&at_speed, arriving, work.config, &work.goals.vibration) else { continue };
         if let Some((found, mut words)) = vibration_at(&search, programmed) {
             words.push((word.word, format!("S{}", decimal(value, word.decimals))));
             let (margin, speeds) = (arriving * margin(&search, found), Some([speed, tried]));

@@ -304,8 +304,8 @@ fn plan<S: Surroundings>(
     if let Some(reason) = unjudged(sections, arriving) {
         return Ok(draft.not_possible(0.0, reason));
     }
-    let least_amplitude = work.goals.least_amplitude;
-    let search = match work.search(sections, arriving) {
+    let (config, least_amplitude) = (work.config, work.goals.least_amplitude);
+    let search = match search(sections, arriving, config, goals) {
         Ok(search) => search,
         Err(reason) => return Ok(draft.not_possible(0.0, unsearchable(reason, sections))),
     };

@@ -8,12 +8,9 @@ use feedwave_program::{Feed, Function, FunctionCommand, MoveKind, Operation, Ope
 
 use super::actions::{self, Actions, FunctionBlock, Meant};
 use super::edits::Edits;
-use super::vibration::search;
 use super::words::{Lines, Word};
-use super::{FrequencyRanges, ImprovementGoals, Surroundings};
-use crate::{
-    PipelineConfig, SearchGoals, SectionReport, Step, Unsearchable, Validation, ValidationReport, VibrationSearch,
-};
+use super::{ImprovementGoals, Surroundings};
+use crate::{PipelineConfig, Step, Validation, ValidationReport};
 
 /// Validations of programs with changes that are tried one after the other, beside those of all vibrations at once.
 const MAX_TRIALS: u32 = 200;
@@ -24,8 +21,6 @@ pub(super) struct Work<'a, S> {
     pub(super) lines: Lines,
     pub(super) config: &'a Arc<PipelineConfig>,
     pub(super) goals: &'a ImprovementGoals,
-    /// Ranges of frequencies where none is stated.
-    pub(super) frequencies_hz: FrequencyRanges,
     surroundings: &'a mut S,
     trials: u32,
 }
@@ -59,15 +54,7 @@ impl<'a, S: Surroundings> Work<'a, S> {
         goals: &'a ImprovementGoals,
         surroundings: &'a mut S,
     ) -> Self {
-        let frequencies_hz = BTreeMap::new();
-        Self { program, lines: Lines::of(program), config, goals, frequencies_hz, surroundings, trials: 0 }
-    }
-
-    /// What is looked for in sections with one vibration, within its range of frequencies.
-    pub(super) fn search(&self, sections: &[&SectionReport], arriving: f64) -> Result<VibrationSearch, Unsearchable> {
-        let stated = self.goals.vibration.frequency_hz;
-        let frequency_hz = stated.or_else(|| self.frequencies_hz.get(&sections.first()?.on_line).copied());
-        search(sections, arriving, self.config, &SearchGoals { frequency_hz, ..self.goals.vibration })
+        Self { program, lines: Lines::of(program), config, goals, surroundings, trials: 0 }
     }
 
     /// Lets the surroundings have a look, between two searches.

@@ -263,10 +263,10 @@ impl Evidence {
             decimal(length_mm, 4)
         );
         let finding = Finding::new(code::VIB_TRAVEL_SHORT, self.amplitude_span(), message)
-            .at("line", self.report.first_line.into())
             .ranked("", ramps_mm - length_mm)
             .with_value("length", length_mm, "mm")
-            .with_value("ramps", ramps_mm, "mm");
+            .with_value("ramps", ramps_mm, "mm")
+            .at("line", self.report.first_line.into());
         Some(finding.suggest("use a longer section, or a smaller amplitude and a higher frequency"))
     }
 
@@ -360,12 +360,12 @@ impl Evidence {
         );
         findings.push(
             Finding::new(code, self.on_span, message)
-                .at("line", self.report.first_line.into())
                 .ranked(axis.axis.clone(), axis.acceleration_per_s2 / axis.max_acceleration_per_s2)
                 .with_value("start_velocity_step", ends.start_velocity_step_mm_per_s, "mm/s")
                 .with_value("clamp_velocity_step", ends.clamp_velocity_step_mm_per_s, "mm/s")
                 .with_value("demanded", axis.acceleration_per_s2, unit)
                 .with_value("limit", axis.max_acceleration_per_s2, unit)
+                .at("line", self.report.first_line.into())
                 .suggest("blend the vibration in and out, so that the axes can follow its beginning and end"),
         );
     }

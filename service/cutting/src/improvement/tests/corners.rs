@@ -38,7 +38,7 @@ fn the_trial_of_corners_is_the_verdict_of_validation() {
         let [known, judged] = [&program, &other].map(|text| work.validate(text.as_bytes()).unwrap());
         let condition = VibrationCondition { frequency_hz, amplitude_mm };
         assert_eq!(judged.sections[0].condition, condition);
-        let sections: Vec<&SectionReport> = known.sections.iter().collect();
+        let sections: Vec<&crate::SectionReport> = known.sections.iter().collect();
         let corners = SectionCorners::of(&sections, &config.vibration()).unwrap().expect("it has corners");
         let is_broken = corners.break_with(FoundVibration { frequency_hz, amplitude_mm });
         assert_eq!(is_broken, !whole_at_corners(&judged), "{frequency_hz} Hz, {amplitude_mm} mm");
@@ -71,7 +71,7 @@ fn a_vibration_that_breaks_the_chip_at_shoulders_is_found_and_none_better() {
             assert!(!whole_at_corners(&improvement.after), "{case}");
         }
         // By brute force, over what a plain cut needs at 61 frequencies, and more of it.
-        let reports: Vec<&SectionReport> = improvement.before.sections.iter().collect();
+        let reports: Vec<&crate::SectionReport> = improvement.before.sections.iter().collect();
         let Ok(Some(corners)) = SectionCorners::of(&reports, &config.vibration()) else { continue };
         let mut best: Option<FoundVibration> = None;
         let frequencies: Vec<f64> = cut.frequencies_hz(&config).step_by(33).collect();

@@ -46,16 +46,6 @@ pub enum Unsearchable {
 }
 
 impl VibrationSearch {
-    /// Lowest and highest frequency that is looked at for sections with one vibration where none are stated, Hz: around the
-    /// programmed one; there is at least one section.
-    pub fn frequencies_around(sections: &[&SectionReport]) -> [f64; 2] {
-        let programmed_hz = sections.first().map_or(0.0, |section| section.condition.frequency_hz);
-        let spans = sections.iter().flat_map(|section| &section.chip_spans);
-        let fastest = spans.map(|span| span.spindle_rev_per_min).fold(0.0, f64::max);
-        let around = (FREQUENCY_SHARE * programmed_hz).max(FREQUENCY_VIBRATIONS * fastest / 60.0);
-        [programmed_hz - around, programmed_hz + around]
-    }
-
     /// What is to be found for sections with one frequency and amplitude; there is at least one.
     ///
     /// # Errors
@@ -80,7 +70,9 @@ impl VibrationSearch {
         }
         let Some(first) = sections.first().filter(|_| !cuts.is_empty()) else { return Err(Unsearchable::NoCut) };
         let programmed_hz = first.condition.frequency_hz;
-        let [low_hz, high_hz] = goals.frequency_hz.unwrap_or_else(|| Self::frequencies_around(sections));
+        let fastest = cuts.iter().map(|cut| cut.spindle_rev_per_min).fold(0.0, f64::max);
+        let around = (FREQUENCY_SHARE * programmed_hz).max(FREQUENCY_VIBRATIONS * fastest / 60.0);
+        let [low_hz, high_hz] = goals.frequency_hz.unwrap_or([programmed_hz - around, programmed_hz + around]);
         let sampled_hz = sections.iter().map(|section| 1.0 / (LEAST_SAMPLES * section.sampling.period_s));
         let highest_hz = sampled_hz.fold(settings.max_frequency_hz, f64::min);
         let frequency_hz = [low_hz.max(MIN_FREQUENCY_HZ), high_hz.min(highest_hz)];
