@@ -153,15 +153,17 @@ async fn changes(store: &Store, run: Uuid) -> Result<Vec<DecisionRecord>> {
 /// Whether an escalation holds the feed of a run: its monitor says so, whatever was decided since.
 async fn feed_held(store: &Store, run: &Run) -> Result<bool> {
     match run.state {
-        RunState::Open => holds_feed(run, &store.run_monitor(run.id).await?),
+        RunState::Open => Ok(holds_feed(run, &store.run_monitor(run.id).await?)),
         _ => Ok(false),
     }
 }
 
-fn holds_feed(run: &Run, monitor: &[u8]) -> Result<bool> {
+/// What cannot be read, such as the state of another version, holds nothing: nobody can take the run up with it either.
+fn holds_feed(run: &Run, monitor: &[u8]) -> bool {
     let monitor = Monitor::restore(monitor);
-    let read = monitor.map_err(|error| Error::internal(format!("the state of run {} cannot be read: {error}", run.id)));
-    Ok(read?.holds_feed())
+    let read =
+        monitor.inspect_err(|error| tracing::error!(run = %run.id, %error, "what the machine did last is not known"));
+    read.is_ok_and(|monitor| monitor.holds_feed())
 }
 
 /// Unit of the deviation in a run.
@@ -186,7 +188,7 @@ impl Floor {
         self.doubt(&job.machine_id, run.id);
         let last_decision = store.last_decision(run.id).await?;
         let changes = changes(store, run.id).await?;
-        let feed_held = holds_feed(run, &attached.monitor)?;
+        let feed_held = holds_feed(run, &attached.monitor);
         let conditions = logged(store, run.id, feed_held).await?;
         let base = RunBase {
             job,
