@@ -64,7 +64,7 @@ async fn a_lost_bit_of_any_record_is_found() {
         ("job", "UPDATE jobs SET settings = REPLACE(settings, '\"', '\"') || ' '"),
         ("job", "UPDATE jobs SET machine_snapshot = REPLACE(machine_snapshot, '1', '3')"),
         ("job", "UPDATE jobs SET machine_id = 'mathe'"),
-        ("job", "UPDATE monitoring SET config = REPLACE(config, '1', '3')"),
+        ("monitoring configuration", "UPDATE monitoring SET config = REPLACE(config, '1', '3')"),
         ("report", "UPDATE validation_reports SET summary = REPLACE(summary, '1', '3')"),
         ("report", "UPDATE validation_reports SET warning_count = warning_count + 1"),
         ("document", "UPDATE documents SET body = REPLACE(body, '1', '3') WHERE collection = 'machine'"),

@@ -23,8 +23,8 @@ use feedwave_tests::{
 };
 use tokio::sync::watch;
 use tokio::task::JoinSet;
-use tonic::Status;
 use tonic::transport::{Channel, Endpoint};
+use tonic::{Code, Status};
 
 use crate::FEEDWAVE;
 use crate::library::Faults;
@@ -429,4 +429,51 @@ async fn a_replica_that_is_cut_off_while_it_owns_a_run_writes_nothing_to_it_any_
     let left = patiently(ledger.drive(at(&second).await.channel, &job, u64::MAX)).await;
     assert!(matches!(left, Left::Ended), "{left:?}");
     ledger.prove(at(&first).await, job, 0).await;
+}
+
+/// A client connects when it has to, and a balancer leads it to whichever replica it likes: it is sent away by the one that cannot work.
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn a_client_of_a_replica_that_is_cut_off_comes_to_another_one_by_itself() {
+    let store = shared_store();
+    let replicas = [Replica::start(&store, Vec::new()).await, Replica::start(&store, Vec::new()).await];
+    let balancer = Gate::new(vec![replicas[0].address()]).await;
+    let channel = connect(balancer.address).await;
+    let mut clients = Clients::of(channel.clone());
+    let job = clients.submit(LIVE_PART).await.job.name;
+    let request = SetMonitoringRequest { job: job.clone(), config: Some(live_config()) };
+    let mut telemetry = TelemetryClient::new(channel.clone());
+    telemetry.set_monitoring(request).await.expect("the configuration is valid");
+    let watched = WatchJobsRequest { after: None, job: String::new() };
+    let mut events = clients.jobs.watch_jobs(watched).await.expect("jobs are watched").into_inner();
+    let idle = connect(balancer.address).await;
+    balancer.set_targets(replicas.iter().map(Replica::address).collect());
+
+    let mut ledger = RunLedger::default();
+    let begun = Instant::now();
+    let left = ledger.drive_while(channel.clone(), &job, |count| {
+        replicas[0].wire.cut(count >= 30);
+        true
+    });
+    let left = patiently(left).await;
+    let Left::Broken(Some(status)) = left else { panic!("{left:?}") };
+    assert_eq!(status.code(), Code::Unavailable, "{status:?}");
+    println!("sent away after {:.1?}", begun.elapsed());
+    let ended = patiently(events.message()).await.expect_err("nothing is seen from there");
+    assert_eq!(ended.code(), Code::Unavailable, "{ended:?}");
+    for channel in [channel, idle] {
+        let served = async {
+            let mut jobs = Clients::of(channel.clone()).jobs;
+            while jobs.get_job(GetJobRequest { name: job.clone() }).await.is_err() {
+                tokio::time::sleep(PAUSE).await;
+            }
+        };
+        patiently(served).await;
+        let left = patiently(ledger.drive_while(channel, &job, |count| count < 30)).await;
+        assert!(matches!(left, Left::Enough), "{left:?}");
+    }
+    let clients = replicas[1].server.as_ref().expect("a server").connect().await;
+    let left = patiently(ledger.drive(clients.channel.clone(), &job, u64::MAX)).await;
+    assert!(matches!(left, Left::Ended), "{left:?}");
+    ledger.prove(clients, job, 0).await;
 }

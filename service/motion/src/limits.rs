@@ -260,14 +260,10 @@ pub fn missing_axis(element: &Element, machine: &Machine) -> Option<Axis> {
 /// The first axis that the element would take beyond its travel.
 #[must_use]
 pub fn travel_exceeded(element: &Element, machine: &Machine) -> Option<TravelExceeded> {
-    if !has_travel(machine) {
+    if !machine.has_travel() {
         return None;
     }
     travel_exceeded_within(element.extent(), element, machine)
-}
-
-fn has_travel(machine: &Machine) -> bool {
-    machine.axes.iter().any(|axis| axis.travel_min.is_some() || axis.travel_max.is_some())
 }
 
 /// As [`travel_exceeded`], with the smallest and largest position of each axis, work coordinates, where something is superposed

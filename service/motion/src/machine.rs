@@ -132,6 +132,12 @@ impl Machine {
         Self { kind: MachineKind::Mill, axes, max_spindle_rev_per_min: 24_000.0 }
     }
 
+    /// Whether an axis states an end of its travel.
+    #[must_use]
+    pub fn has_travel(&self) -> bool {
+        self.axes.iter().any(|axis| axis.travel_min.is_some() || axis.travel_max.is_some())
+    }
+
     /// First column of a program axis; there may be more.
     #[must_use]
     pub fn column_of(&self, axis: Axis) -> Option<usize> {

@@ -43,6 +43,7 @@ pub(crate) use telemetry::Intake;
 pub use turns::ValidationProgress;
 
 use crate::config::Limits;
+use crate::cut_off::CutOff;
 use crate::error::{Error, Result, Violations};
 use crate::events::EventReader;
 use crate::observability::VERSION;
@@ -83,6 +84,7 @@ struct Inner {
     commit_grid: std::time::Instant,
     /// Cancelled when the service begins to end.
     draining: CancellationToken,
+    cut_off: CutOff,
     tasks: TaskTracker,
 }
 
@@ -118,6 +120,7 @@ impl Engine {
             wake: Notify::new(),
             commit_grid: std::time::Instant::now(),
             draining,
+            cut_off: CutOff::default(),
             tasks: TaskTracker::new(),
         };
         Self { inner: Arc::new(inner) }
@@ -182,6 +185,12 @@ impl Engine {
     #[must_use]
     pub fn draining(&self) -> &CancellationToken {
         &self.inner.draining
+    }
+
+    /// Whether this replica is cut off from the database of several.
+    #[must_use]
+    pub fn cut_off(&self) -> &CutOff {
+        &self.inner.cut_off
     }
 
     /// Does something that the end of the service waits for.

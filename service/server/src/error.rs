@@ -177,6 +177,9 @@ pub enum Error {
     /// The store cannot be used at the moment.
     #[error("{0}")]
     StoreUnavailable(#[source] Arc<StoreError>),
+    /// This replica does not reach the database that it shares with others.
+    #[error("this replica is cut off from the database: connect anew, another one may reach it")]
+    CutOff,
     /// What is stored cannot be read back as it was written.
     #[error("stored data is damaged: {0}")]
     Damaged(String),
@@ -215,7 +218,7 @@ impl Error {
             | Self::MessageTooCostly { .. } => Code::ResourceExhausted,
             Self::Unauthenticated { .. } => Code::Unauthenticated,
             Self::PermissionDenied { .. } | Self::TenantDenied { .. } | Self::HostDenied => Code::PermissionDenied,
-            Self::Draining | Self::StoreUnavailable(_) | Self::KeysUnavailable => Code::Unavailable,
+            Self::Draining | Self::StoreUnavailable(_) | Self::CutOff | Self::KeysUnavailable => Code::Unavailable,
             Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
             Self::Transport(status) => status.code(),
             Self::Damaged(_) => Code::DataLoss,
@@ -250,7 +253,7 @@ impl Error {
             Self::Transport(_) => "REQUEST_BROKEN_OFF",
             Self::JobCancelled { .. } => "JOB_CANCELLED",
             Self::TakenUp { .. } => "RUN_TAKEN_UP",
-            Self::StoreUnavailable(_) => "STORE_UNAVAILABLE",
+            Self::StoreUnavailable(_) | Self::CutOff => "STORE_UNAVAILABLE",
             Self::Damaged(_) => "STORE_DAMAGED",
             Self::Internal(_) => "INTERNAL",
         }
@@ -266,6 +269,7 @@ impl Error {
             | Self::Draining
             | Self::KeysUnavailable
             | Self::StoreUnavailable(_) => Some(status::RETRY_AFTER),
+            Self::CutOff => Some(status::RETRY_ELSEWHERE_AFTER),
             _ => None,
         }
     }

@@ -10,6 +10,7 @@ mod audit;
 mod conditional;
 pub mod config;
 mod connections;
+mod cut_off;
 pub mod engine;
 pub mod error;
 mod events;

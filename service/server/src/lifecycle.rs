@@ -109,7 +109,9 @@ impl Server {
             health.set_service_status(service, ServingStatus::Serving).await;
         }
         health.set_service_status(services::LIVENESS, ServingStatus::Serving).await;
-        let (readiness, probes) = readiness::follow(store.clone(), health.clone(), metrics.clone(), draining.clone());
+        let cut_off = engine.cut_off().clone();
+        let (readiness, probes) =
+            readiness::follow(store.clone(), health.clone(), metrics.clone(), cut_off, draining.clone());
         engine.spawn(probes);
         let (rules, expiry) = (config.retention.clone(), Duration::from_secs(config.limits.upload_expiry_s));
         let floors = api.floors.clone();

@@ -11,6 +11,7 @@ use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
+use crate::cut_off::CutOff;
 use crate::error::{Error, Result};
 use crate::observability::metrics::Metrics;
 use crate::services;
@@ -66,6 +67,7 @@ pub(crate) fn follow(
     store: Store,
     health: HealthReporter,
     metrics: Arc<Metrics>,
+    cut_off: CutOff,
     draining: CancellationToken,
 ) -> (Readiness, impl Future<Output = ()> + Send + 'static) {
     let (sender, last) = watch::channel(Found { fault: None, at: Instant::now() });
@@ -91,6 +93,9 @@ pub(crate) fn follow(
                     }
                 };
                 metrics.store_writable.set(i64::from(found.is_none()));
+                if store.lease().is_some() {
+                    cut_off.set(found.is_some());
+                }
                 for service in services::names() {
                     health.set_service_status(service, status).await;
                 }

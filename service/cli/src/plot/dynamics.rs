@@ -206,7 +206,7 @@ impl DynamicsPicture<'_> {
 
     /// Changes of the feed override as upright lines; `labelled` with the percentage where there is space for it.
     fn mark_overrides(&self, panel: &mut Panel, end_s: f64, labelled: bool) {
-        let ink = Ink::dashed("the feed override changes", theme::GOOD, 1.6);
+        let ink = Ink::dashed("the feed override changes", theme::MUTED, 1.6);
         let mut free_from_s = f64::NEG_INFINITY;
         for &(time_s, ratio) in self.dynamics.overrides_within(end_s).iter().take(MAX_MARKS) {
             panel.upright(&ink, time_s);

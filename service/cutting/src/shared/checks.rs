@@ -1,8 +1,8 @@
 //! Checks of every move, whatever carries it out: axes, travel and time.
 
-use feedwave_motion::kinematics::{KinematicsDescription, Wrap};
+use feedwave_motion::kinematics::{ChainAxis, KinematicsDescription, Wrap};
 use feedwave_motion::{Curve, Element, Machine, MachineKind, TravelExceeded, travel_exceeded, travel_exceeded_within};
-use feedwave_program::{Axis, Finding, FindingLog, SourceSpan};
+use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan};
 
 use super::code;
 use super::reach::Reach;
@@ -40,23 +40,43 @@ pub(crate) struct Travel<'a> {
 const RANGE_SLACK: f64 = 1e-7;
 
 impl Travel<'_> {
-    /// Reports the first axis that an element would take too far; whether there is one.
-    pub(crate) fn check(&self, element: &Element, findings: &mut FindingLog) -> bool {
-        let exceeded = travel_exceeded(element, self.machine).or_else(|| self.range_exceeded(element));
-        let found = exceeded.map(|exceeded| self.finding(&exceeded, element));
-        found.map(|finding| findings.push(finding)).is_some()
+    /// Reports the first axis that an element would take too far.
+    pub(crate) fn check(&self, element: &Element, findings: &mut FindingLog) {
+        if let Some(exceeded) = self.exceeded(element) {
+            findings.push(self.finding(&exceeded, element));
+        }
     }
 
     /// As [`Self::check`], where an oscillation is superposed on an element that by itself stays within travel.
     pub(crate) fn check_oscillating(&self, element: &Element, reach: &Reach, findings: &mut FindingLog) {
-        let exceeded = |extent| travel_exceeded_within(extent, element, self.machine);
-        if exceeded(reach.at_most(element)).is_none() || travel_exceeded(element, self.machine).is_some() {
+        let is_limited = self.machine.has_travel() || self.chain().iter().any(|link| link.range.is_some());
+        if !is_limited || self.exceeded(element).is_some() {
+            return;
+        }
+        let exceeded = |extent| {
+            travel_exceeded_within(extent, element, self.machine).or_else(|| self.range_exceeded(extent, element))
+        };
+        if exceeded(reach.at_most(element)).is_none() {
             return;
         }
         if let Some(exceeded) = exceeded(reach.extent(element)) {
             let finding = self.finding(&exceeded, element);
             findings.push(finding.suggest("the oscillation is superposed there: a smaller amplitude reaches less far"));
         }
+    }
+
+    /// The first axis that the path of an element takes too far.
+    fn exceeded(&self, element: &Element) -> Option<TravelExceeded> {
+        // Where a straight move begins was the end of the one before.
+        let reached = || match element.curve {
+            Curve::Line => (element.end, element.end),
+            _ => element.extent(),
+        };
+        travel_exceeded(element, self.machine).or_else(|| self.range_exceeded(reached(), element))
+    }
+
+    fn chain(&self) -> &[ChainAxis] {
+        self.kinematics.map_or(&[], |kinematics| &kinematics.chain)
     }
 
     fn finding(&self, exceeded: &TravelExceeded, element: &Element) -> Finding {
@@ -74,26 +94,23 @@ impl Travel<'_> {
             .suggest("check the work offset and the programmed coordinate")
     }
 
-    /// The first axis that an element would take beyond its range in the chain. An axis that rolls over has none that a word could
-    /// exceed, and those of a guided tool were judged where its path was made.
-    fn range_exceeded(&self, element: &Element) -> Option<TravelExceeded> {
-        let chain = &self.kinematics?.chain;
+    /// The first axis that would leave its range in the chain, from the smallest and largest position of each, work coordinates.
+    /// An axis that rolls over has none that a word could exceed, and those of a guided tool were judged where its path was made.
+    fn range_exceeded(&self, (low, high): (Position, Position), element: &Element) -> Option<TravelExceeded> {
         let is_guided = matches!(element.curve, Curve::FiveAxis(_));
-        let mut limited = chain.iter().filter_map(|link| {
-            let is_judged = link.axis.is_rotary() && (is_guided || link.wrap == Wrap::Rollover);
-            Some((link.axis, link.range?)).filter(|_| !is_judged && element.moves(link.axis))
-        });
-        // Where a straight move begins was the end of the one before.
-        let (low, high) = match element.curve {
-            Curve::Line => (element.end, element.end),
-            _ => element.extent(),
-        };
-        limited.find_map(|(axis, [least, most])| {
-            let [low, high] = [&low, &high].map(|end| end[axis.index()] + element.work_offset[axis.index()]);
+        let exceeded = |link: &ChainAxis| {
+            let [least, most] = link.range?;
+            let (axis, index) = (link.axis, link.axis.index());
+            let is_judged = axis.is_rotary() && (is_guided || link.wrap == Wrap::Rollover);
+            if is_judged || !(element.moves(axis) || low[index] < high[index]) {
+                return None;
+            }
+            let [low, high] = [&low, &high].map(|end| end[index] + element.work_offset[index]);
             let below = (low < least - RANGE_SLACK).then_some((low, least));
             let above = (high > most + RANGE_SLACK).then_some((high, most));
             below.or(above).map(|(value, limit)| TravelExceeded { axis, value, limit })
-        })
+        };
+        self.chain().iter().find_map(exceeded)
     }
 }
 

@@ -8,7 +8,7 @@ use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, Val
 use feedwave_program::Severity;
 use proptest::prelude::*;
 
-use super::common::{Setpoints, resume, run, snapshots, validate};
+use super::common::{Setpoints, machines, resume, run, snapshots, validate};
 use super::{condition, tool};
 
 const DEPTH_MM: f64 = 1.0;
@@ -362,12 +362,23 @@ fn axes_stay_within_their_travel_with_the_oscillation() {
         let setpoints = run(&program(path), &config);
         for (index, column) in setpoints.axes.iter().enumerate().take(3) {
             let [least, most] = [f64::min, f64::max].map(|of| column.iter().copied().fold(column[0], of));
+            // The travel of the axis, and its range in the chain of a machine with five of them.
             let with = |travel: [Option<f64>; 2]| {
-                let mut config = config.clone();
-                let axis = &mut config.profile.machine.axes[index];
+                let mut limited = config.clone();
+                let axis = &mut limited.profile.machine.axes[index];
                 (axis.travel_min, axis.travel_max) = travel.into();
-                let report = validate(&program(path), &config);
-                report.findings.iter().any(|finding| finding.code == "AXIS-TRAVEL")
+                let mut ranged = config.clone();
+                let machine = machines::config_of(machines::kinds().remove(0).1).profile;
+                (ranged.profile.machine.axes, ranged.profile.kinematics) = (machine.machine.axes, machine.kinematics);
+                let chain = &mut ranged.profile.kinematics.as_mut().expect("a chain").chain;
+                let link = chain.iter_mut().find(|link| link.axis.index() == index).expect("a linear axis");
+                link.range = Some([travel[0].unwrap_or(-1e6), travel[1].unwrap_or(1e6)]);
+                let [by_travel, by_range] = [limited, ranged].map(|config| {
+                    let report = validate(&program(path), &config);
+                    report.findings.iter().any(|finding| finding.code == "AXIS-TRAVEL")
+                });
+                assert_eq!(by_travel, by_range, "{path}: axis {index} {travel:?}");
+                by_travel
             };
             let wide = [0.62, 0.62, 0.05][index];
             assert!(!with([Some(least - wide), Some(most + wide)]), "{path}: axis {index}");

@@ -9,13 +9,14 @@ use std::time::Duration;
 use futures_util::Stream;
 use http::HeaderMap;
 use tokio::time::{Instant, Sleep};
-use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
+use tokio_util::sync::CancellationToken;
 use tonic::Status;
 
+use crate::cut_off::CutOff;
 use crate::error::Error;
 
 /// A cause to end a stream, and the status of the client.
-type Cause = (Pin<Box<WaitForCancellationFutureOwned>>, Error);
+type Cause = (Pin<Box<dyn Future<Output = ()> + Send>>, Error);
 
 /// A stream that ends with a status when one of its causes comes true. The inner stream is dropped then.
 pub(super) struct Guarded<S> {
@@ -30,8 +31,17 @@ impl<S> Guarded<S> {
         Self { inner: Some(inner), deadline, causes: Vec::new() }
     }
 
-    pub(super) fn ends_with(mut self, token: &CancellationToken, error: Error) -> Self {
-        self.causes.push((Box::pin(token.clone().cancelled_owned()), error));
+    pub(super) fn ends_with(self, token: &CancellationToken, error: Error) -> Self {
+        self.ends_once(token.clone().cancelled_owned(), error)
+    }
+
+    /// For what cannot go on without the database.
+    pub(super) fn ends_when_cut_off(self, cut_off: &CutOff) -> Self {
+        self.ends_once(cut_off.begun(), Error::CutOff)
+    }
+
+    fn ends_once(mut self, cause: impl Future<Output = ()> + Send + 'static, error: Error) -> Self {
+        self.causes.push((Box::pin(cause), error));
         self
     }
 

@@ -411,7 +411,9 @@ impl Jobs for Api {
         let deadline = deadline(request.metadata().as_ref());
         let api = self.called_by(request.extensions());
         let events = Box::pin(api.watch_events(&request.into_inner())?);
-        let guarded = Guarded::new(events, deadline).ends_with(self.engine.draining(), Error::Draining);
+        let guarded = Guarded::new(events, deadline)
+            .ends_with(self.engine.draining(), Error::Draining)
+            .ends_when_cut_off(self.engine.cut_off());
         Ok(Response::new(Box::pin(guarded)))
     }
 

@@ -192,7 +192,9 @@ impl Machines for Api {
         let deadline = deadline(request.metadata().as_ref());
         let api = self.called_by(request.extensions());
         let states = Box::pin(api.watch_states(&request.into_inner())?);
-        let guarded = Guarded::new(states, deadline).ends_with(self.engine.draining(), Error::Draining);
+        let guarded = Guarded::new(states, deadline)
+            .ends_with(self.engine.draining(), Error::Draining)
+            .ends_when_cut_off(self.engine.cut_off());
         Ok(Response::new(Box::pin(guarded)))
     }
 }

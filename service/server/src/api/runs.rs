@@ -142,6 +142,7 @@ impl Api {
         });
         let guarded = Guarded::new(started.chain(run), deadline)
             .ends_with(self.engine.draining(), Error::Draining)
+            .ends_when_cut_off(self.engine.cut_off())
             .ends_with(&cancelled, Error::JobCancelled { job: names::job(job) });
         Ok(Box::pin(guarded))
     }

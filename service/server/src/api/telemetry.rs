@@ -206,6 +206,7 @@ impl Api {
         let started = stream::once(std::future::ready(Ok(started)));
         let guarded = Guarded::new(started.chain(ingestion), deadline)
             .ends_with(self.engine.draining(), Error::Draining)
+            .ends_when_cut_off(self.engine.cut_off())
             .ends_with(&cancelled, Error::JobCancelled { job: names::job(job) });
         Ok(Box::pin(guarded))
     }
@@ -373,7 +374,9 @@ impl Telemetry for Api {
         let deadline = deadline(request.metadata().as_ref());
         let api = self.called_by(request.extensions());
         let decisions = Box::pin(api.watch_decisions(&request.into_inner())?);
-        let guarded = Guarded::new(decisions, deadline).ends_with(self.engine.draining(), Error::Draining);
+        let guarded = Guarded::new(decisions, deadline)
+            .ends_with(self.engine.draining(), Error::Draining)
+            .ends_when_cut_off(self.engine.cut_off());
         Ok(Response::new(Box::pin(guarded)))
     }
 }

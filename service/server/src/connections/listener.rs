@@ -26,6 +26,7 @@ use super::clients::{ClientKey, Clients, Held, Resource};
 use super::connection::{Connection, Due, Heard};
 use super::refusal;
 use super::tls::{PeerCertificate, Tls};
+use crate::cut_off::CutOff;
 use crate::error::Error;
 use crate::lingering::Lingering;
 
@@ -36,6 +37,8 @@ pub(crate) type App = BoxCloneSyncService<Request<Body>, Response<Body>, Infalli
 const REFUSAL_TIME: Duration = Duration::from_secs(5);
 /// How long a connection that is closed may take to end what it is sending.
 const CLOSING_TIME: Duration = Duration::from_secs(10);
+/// How long a connection is served at least that is to be closed in order: a call is answered, and a balancer not stormed.
+const LEAST_STAY: Duration = Duration::from_secs(1);
 /// First and longest pause after a connection could not be accepted.
 const ACCEPT_PAUSE: (Duration, Duration) = (Duration::from_millis(10), Duration::from_secs(1));
 /// Failures to accept are logged this often.
@@ -55,6 +58,8 @@ pub(crate) struct Port {
     pub(crate) streams_per_connection: u32,
     /// How long a client may take to read the rest of a connection that is closed.
     pub(crate) linger: Duration,
+    /// While it is, clients are to connect anew: a balancer may lead them elsewhere.
+    pub(crate) cut_off: CutOff,
 }
 
 /// The same for all connections of a port.
@@ -66,6 +71,7 @@ struct Shared {
     builder: Builder<TokioExecutor>,
     refusals: Arc<Semaphore>,
     linger: Duration,
+    cut_off: CutOff,
     /// Cancelled when connections are to end in order.
     closing: CancellationToken,
     /// Cancelled when they are to end at once.
@@ -95,6 +101,7 @@ impl Port {
             builder,
             refusals: self.refusals,
             linger: self.linger,
+            cut_off: self.cut_off,
             closing: closing.clone(),
             killed,
         });
@@ -233,6 +240,10 @@ impl Shared {
         // Until when it may take to close.
         let mut cut_at: Option<Instant> = None;
         let mut is_closing = false;
+        let mut leave = pin!(async {
+            sleep(LEAST_STAY).await;
+            self.cut_off.begun().await;
+        });
         loop {
             tokio::select! {
                 ended = serving.as_mut() => {
@@ -244,6 +255,11 @@ impl Shared {
                 () = look.as_mut() => {}
                 () = self.closing.cancelled(), if !is_closing => {
                     is_closing = true;
+                    serving.as_mut().graceful_shutdown();
+                }
+                () = leave.as_mut(), if !is_closing => {
+                    is_closing = true;
+                    self.clients.metrics().closed("cut_off");
                     serving.as_mut().graceful_shutdown();
                 }
             }

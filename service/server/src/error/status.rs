@@ -27,6 +27,8 @@ const VIOLATION_BYTES: usize = 9;
 
 /// After how long an overloaded service may be asked again.
 pub(super) const RETRY_AFTER: Duration = Duration::from_secs(1);
+/// After how long another replica may be asked: at once, but not by all clients in the same moment.
+pub(super) const RETRY_ELSEWHERE_AFTER: Duration = Duration::from_millis(50);
 
 /// Key of the number of violations that the details do not list.
 const NOT_LISTED: &str = "violations_not_listed";
@@ -152,6 +154,7 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         | Error::RequestStalled { .. }
         | Error::Draining
         | Error::StoreUnavailable(_)
+        | Error::CutOff
         | Error::DeadlineExceeded
         | Error::Transport(_)
         | Error::JobCancelled { .. }

@@ -29,6 +29,7 @@ use crate::api::Api;
 use crate::audit::AuditLog;
 use crate::config::{Config, ConnectionLimits};
 use crate::connections::{App, Clients, Connection, Port, Tls, app};
+use crate::cut_off::CutOff;
 use crate::error::Error;
 use crate::http::{HttpState, REQUEST_ID, router};
 use crate::mtconnect::{self, Agent, AgentState};
@@ -72,6 +73,7 @@ pub(super) struct Apps {
     grpc: App,
     http: App,
     mtconnect: Option<App>,
+    cut_off: CutOff,
 }
 
 impl Apps {
@@ -96,7 +98,7 @@ impl Apps {
             heartbeat: config.http.heartbeat(),
         };
         let http = app(across().option_layer(config.cors.for_http()).service(router(state, &calls)));
-        Ok(Self { grpc, http, mtconnect })
+        Ok(Self { grpc, http, mtconnect, cut_off: asked.api.engine.cut_off().clone() })
     }
 }
 
@@ -138,12 +140,14 @@ impl Listeners {
             streams_per_connection: config.limits.streams_per_connection,
             // A client that still reads when its connection is closed has the time that open calls have.
             linger: config.limits.drain(),
+            // Onlookers are shown that it is.
+            cut_off: CutOff::default(),
         };
         let ((grpc, grpc_addr), (http, http_addr)) = (self.grpc, self.http);
         let mtconnect_addr = self.mtconnect.as_ref().map(|(_, address)| *address);
         let mtconnect = self.mtconnect.zip(apps.mtconnect);
         let mtconnect = mtconnect.map(|((listener, _), app)| port("mtconnect", listener, app, None));
-        let grpc = port("grpc", grpc, apps.grpc, certificates.grpc.as_ref());
+        let grpc = Port { cut_off: apps.cut_off, ..port("grpc", grpc, apps.grpc, certificates.grpc.as_ref()) };
         let http = port("http", http, apps.http, certificates.http.as_ref());
         Ports {
             grpc_addr,

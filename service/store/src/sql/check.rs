@@ -26,6 +26,7 @@ const PROGRAM: &str =
     "the program, and with it streams of the jobs that use it; delete these and it, and upload it again";
 const UPLOAD: &str = "what was received of the program; upload it again";
 const JOB: &str = "the job; create it again";
+const MONITORING: &str = "how telemetry of the job is judged; set its monitoring again";
 const REPORT: &str = "the report of the job; create the job again";
 const RUN: &str = "the proof of the run";
 const RECORDED: &str = "what could be learnt from this cut of the run";
@@ -88,6 +89,7 @@ impl<D: Verified> Check<D> {
         self.programs().await?;
         self.uploads().await?;
         self.jobs().await?;
+        self.monitoring().await?;
         self.reports().await?;
         self.checkpoints().await?;
         self.run_checkpoints().await?;
@@ -255,12 +257,12 @@ impl<D: Verified> Check<D> {
     }
 
     async fn job(&mut self, id: &str) -> Result<()> {
-        let sql = "SELECT j.*, j.id AS job_id, m.config, m.seal AS monitoring_seal,
+        let sql = "SELECT j.*,
                 (SELECT COUNT(*) FROM validation_reports AS r WHERE r.job_id = j.id) AS reports,
                 (SELECT MIN(u.program_id) FROM (SELECT j.program_id UNION ALL SELECT f.program_id FROM job_programs AS f
                     WHERE f.job_id = j.id) AS u WHERE NOT EXISTS (SELECT 1 FROM programs WHERE programs.id = u.program_id))
                     AS missing_program
-             FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1";
+             FROM jobs AS j WHERE j.id = $1";
         let Some(row) = self.row(sql, &[Parameter::Text(id)]).await? else { return Ok(()) };
         parsed::<uuid::Uuid>(&row, "id")?;
         parsed::<ProgramKey>(&row, "program_id")?;
@@ -269,15 +271,25 @@ impl<D: Verified> Check<D> {
             to_json(row.text(column)?.to_owned(), column)?;
         }
         seal::JOB.verify(&row)?;
-        if let Some(config) = row.text_option("config")? {
-            to_json(config.to_owned(), "config")?;
-            seal::MONITORING.verify_by(&row, "monitoring_seal")?;
-        }
         if let Some(id) = row.text_option("missing_program")? {
             return Err(program_missing(id));
         }
         if matches!(state, JobState::Ready | JobState::Rejected) && row.integer("reports")? == 0 {
             return Err(StoreError::corrupt(format!("it is {state} and has no report")));
+        }
+        Ok(())
+    }
+
+    async fn monitoring(&mut self) -> Result<()> {
+        for row in self.ids("monitoring configuration", "SELECT job_id FROM monitoring").await? {
+            let id = row.text("job_id")?;
+            let sql = "SELECT job_id, config, seal FROM monitoring WHERE job_id = $1";
+            let result = self.row(sql, &[Parameter::Text(id)]).await.and_then(|row| {
+                let Some(row) = row else { return Ok(()) };
+                to_json(row.text("config")?.to_owned(), "config")?;
+                seal::MONITORING.verify(&row)
+            });
+            self.note("monitoring configuration", id, result, MONITORING)?;
         }
         Ok(())
     }
