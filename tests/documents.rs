@@ -197,3 +197,22 @@ fn every_link_of_a_document_leads_somewhere() {
     }
     assert!(links >= 20, "{links} links");
 }
+
+/// Cargo finds test files by itself only where a crate has a binary for each.
+#[test]
+fn every_test_file_of_a_crate_is_compiled() {
+    let mut count = 0;
+    for entry in fs::read_dir(Path::new(REPOSITORY).join("service")).expect("the crates") {
+        let krate = entry.expect("a crate").path();
+        let Ok(main) = fs::read_to_string(krate.join("tests/main.rs")) else { continue };
+        let manifest = fs::read_to_string(krate.join("Cargo.toml")).expect("a manifest");
+        for entry in fs::read_dir(krate.join("tests")).expect("its tests") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_stem().and_then(|name| name.to_str()).expect("a name");
+            let is_named = main.contains(&format!("\nmod {name};\n")) || manifest.contains(&format!("\"tests/{name}"));
+            assert!(is_named, "{}: no binary has it", path.display());
+            count += 1;
+        }
+    }
+    assert!(count > 50, "{count} files");
+}

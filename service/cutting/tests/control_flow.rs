@@ -1,8 +1,6 @@
 //! Programs that jump, loop and call: resumed anywhere, cut into any pieces, looked ahead in, they give the same setpoints.
 
-mod common;
-
-use common::{all_bits, resume, run, run_in_pieces, snapshots, validate};
+use crate::common::{all_bits, resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{MachineProfile, PipelineConfig};
 use feedwave_program::LanguageSettings;
 

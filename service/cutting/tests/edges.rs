@@ -1,10 +1,8 @@
 //! The edges: ends of sections and of programs, a spindle at the axis or at rest, and hostile sizes.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{run, validate};
+use crate::common::{run, validate};
 use feedwave_cutting::{
     GenerationMode, MachineProfile, OverrideChange, Pipeline, PipelineConfig, ServoCondition, ServoWave, Step,
     Validation, VibrationEnvelope, fill_servo_positions,

@@ -1,11 +1,9 @@
 //! A feed hold that begins at any setpoint ends with the next change: the program goes on to its end.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::machines::{config_of, kinds, kinematics};
-use common::{Setpoints, all_bits, run};
+use crate::common::machines::{config_of, kinds, kinematics};
+use crate::common::{Setpoints, all_bits, run};
 use feedwave_cutting::{MachineProfile, OverrideChange, Pipeline, PipelineConfig, Step};
 use feedwave_program::Axis;
 

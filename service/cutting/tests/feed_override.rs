@@ -1,11 +1,9 @@
 //! Feed override and feed hold: when changes, where does not.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::changes::{check_limits, wave};
-use common::{Setpoints, all_bits, resume, run, snapshots};
+use crate::common::changes::{check_limits, wave};
+use crate::common::{Setpoints, all_bits, resume, run, snapshots};
 use feedwave_cutting::{AppendError, MachineProfile, OverrideChange, Pipeline, PipelineConfig, PlanQuality, Step};
 use proptest::prelude::*;
 

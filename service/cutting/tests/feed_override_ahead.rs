@@ -1,11 +1,9 @@
 //! Changes of the feed override with much of the program known ahead: what they read, what they keep, and that they replay.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::changes::{check_limits, wave};
-use common::{all_bits, resume, run, snapshots};
+use crate::common::changes::{check_limits, wave};
+use crate::common::{all_bits, resume, run, snapshots};
 use feedwave_cutting::{MachineProfile, OverrideChange, Pipeline, PipelineConfig, PlanQuality, SetpointBlock, Step};
 use proptest::prelude::*;
 

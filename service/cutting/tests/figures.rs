@@ -1,8 +1,6 @@
 //! What the summary says of a plan: what governs its time, and where its peaks are.
 
-mod common;
-
-use common::{run, validate};
+use crate::common::{run, validate};
 use feedwave_cutting::{AxisSummary, LimitTimes, MachineProfile, OverrideChange, PipelineConfig, PlanQuality};
 
 fn mill() -> PipelineConfig {

@@ -1,8 +1,6 @@
 //! Two axes for one letter: both follow it, and the weaker one limits the path.
 
-mod common;
-
-use common::{run, validate};
+use crate::common::{run, validate};
 use feedwave_cutting::{MachineProfile, PipelineConfig};
 use feedwave_motion::{CarriedBy, MachineAxis};
 use feedwave_program::Axis;

@@ -1,8 +1,6 @@
 //! Which axes a feed leads where U, V and W move beside X, Y and Z.
 
-mod common;
-
-use common::{run, validate};
+use crate::common::{run, validate};
 use feedwave_cutting::{MachineProfile, PipelineConfig};
 use feedwave_motion::MachineAxis;
 use feedwave_program::{Axis, DialectName};

@@ -1,8 +1,6 @@
 //! M codes of the machine on the path: nothing, a stop, a dwell, a barrier.
 
-mod common;
-
-use common::{resume, run, snapshots};
+use crate::common::{resume, run, snapshots};
 use feedwave_cutting::{MachineProfile, PipelineConfig};
 use feedwave_program::{MachineCode, MachineEffect, MachineTiming};
 

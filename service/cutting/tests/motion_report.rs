@@ -1,8 +1,6 @@
 //! What a report says of the motion: deviation from the programmed path, limits by axis, and where time is lost.
 
-mod common;
-
-use common::{run, validate};
+use crate::common::{run, validate};
 use feedwave_cutting::{MachineProfile, PipelineConfig, PlanQuality, ProgramSummary, SlowdownCause, SlowdownCure};
 
 /// A mill on which 50 mm/s are reached within 0.065 s and 1.625 mm: 1 000 mm/s², 66 666.7 mm/s³.

@@ -1,10 +1,8 @@
 //! Path control from program text to setpoints: exact, with rounded corners, and with merged blocks.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
+use crate::common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{MachineProfile, Pipeline, PipelineConfig, PlanQuality, Step};
 use proptest::prelude::*;
 

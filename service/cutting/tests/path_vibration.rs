@@ -1,11 +1,9 @@
 //! Vibration along the path through the whole pipeline, in the published form, against the equations of
 //! docs/functions/path-vibration.md; how it begins and ends otherwise is in `vibration_envelope`.
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::{run, snapshots, validate};
+use crate::common::{run, snapshots, validate};
 use feedwave_cutting::{
     AxisDrive, DriveModel, FollowingModel, GenerationMode, MachineProfile, PipelineConfig, ServoCondition,
     VibrationEnvelope, sin_turns,
@@ -107,7 +105,7 @@ fn positions_are_clamped_to_the_section_and_rejoin_exactly() {
 }
 
 /// Path length before the section of a program whose only other motion is one rapid.
-fn rapid_length(setpoints: &common::Setpoints) -> f64 {
+fn rapid_length(setpoints: &crate::common::Setpoints) -> f64 {
     let section = setpoints.line.iter().position(|&line| line == 4).expect("line 4");
     setpoints.path[section - 1]
 }

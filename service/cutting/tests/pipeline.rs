@@ -1,8 +1,6 @@
 //! Invariants from program text to setpoints, on random programs.
 
-mod common;
-
-use common::{resume, run, run_in_pieces, snapshots, validate};
+use crate::common::{resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{Frame, GenerationMode, MachineProfile, PipelineConfig};
 use feedwave_motion::CarriedBy;
 use feedwave_program::Severity;

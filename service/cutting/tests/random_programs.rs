@@ -1,10 +1,8 @@
 //! Programs of all kinds of blocks in random order: every axis within its limits, the end exact.
 
-mod common;
-
 use std::fmt::Write;
 
-use common::run;
+use crate::common::run;
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, PlanQuality};
 use proptest::prelude::*;
 

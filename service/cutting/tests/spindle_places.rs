@@ -1,11 +1,9 @@
 //! Planned changes of the spindle speed: where they are possible, what is judged before, and what follows them
 //! (docs/functions/adaptive-feed.md, "Planned changes of the spindle speed").
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{Setpoints, run, run_in_pieces};
+use crate::common::{Setpoints, run, run_in_pieces};
 use feedwave_cutting::{
     MachineProfile, OverrideChange, Pipeline, PipelineConfig, SpindleChange, SpindleChangeError, SpindleTrial, Step,
     TrialStep,
@@ -137,8 +135,8 @@ fn a_change_is_planned_at_its_place_and_gives_the_same_bits_however_it_is_known(
     };
     assert!(same(&plain.feed, &setpoints.feed));
     assert!(same(&plain.vibration, &setpoints.vibration), "the frequency is the program's, in Hz");
-    for (next, offset, snapshot) in common::snapshots(TURNED.as_bytes(), &config) {
-        let (first, rest) = common::resume(TURNED.as_bytes(), &config, offset, &snapshot);
+    for (next, offset, snapshot) in crate::common::snapshots(TURNED.as_bytes(), &config) {
+        let (first, rest) = crate::common::resume(TURNED.as_bytes(), &config, offset, &snapshot);
         assert_eq!(first, next);
         assert!((0..rest.len()).all(|row| rest.bits(row) == setpoints.bits(first as usize + row)), "from {first}");
     }

@@ -1,8 +1,6 @@
 //! The spindle under constant surface speed: where it is looked at, and what limits it.
 
-mod common;
-
-use common::{Setpoints, run, validate};
+use crate::common::{Setpoints, run, validate};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, ValidationReport};
 use feedwave_program::Severity::{Info, Warning};
 use feedwave_program::{DialectName, LanguageSettings};

@@ -1,8 +1,6 @@
 //! Rigid tapping through the whole pipeline: spindle and tool are one motion, within the limits of the axes.
 
-mod common;
-
-use common::{all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
+use crate::common::{all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, ValidationReport};
 use proptest::prelude::*;
 
@@ -20,7 +18,7 @@ fn codes(report: &ValidationReport) -> Vec<String> {
 }
 
 /// The rows of a line between which the spindle turns.
-fn turning(setpoints: &common::Setpoints, line: u32) -> Vec<usize> {
+fn turning(setpoints: &crate::common::Setpoints, line: u32) -> Vec<usize> {
     let turns = |k: &usize| setpoints.spindle[*k] != setpoints.spindle[*k - 1];
     (1..setpoints.len()).filter(|&k| setpoints.line[k] == line).filter(turns).collect()
 }

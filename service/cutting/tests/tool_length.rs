@@ -1,9 +1,7 @@
 //! Tool length compensation through the pipeline: machine coordinates are those of the machine's control point, work
 //! coordinates those of the tip.
 
-mod common;
-
-use common::{resume, run, snapshots, validate};
+use crate::common::{resume, run, snapshots, validate};
 use feedwave_cutting::{Frame, MachineProfile, PipelineConfig, Tool};
 use feedwave_program::{Axis, ToolOffset};
 

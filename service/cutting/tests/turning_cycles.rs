@@ -1,8 +1,6 @@
 //! Programs of lathes as posts write them: accepted with the profile that they need, and resumed in the middle of their cycles.
 
-mod common;
-
-use common::{all_bits, resume, run, run_in_pieces, snapshots, validate};
+use crate::common::{all_bits, resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{MachineProfile, PipelineConfig, Tool};
 use feedwave_program::{DrillingStyle, GCodeSystem, LanguageSettings, ToolOffset};
 

@@ -1,10 +1,8 @@
 //! The chip under the amplitude that the blends let through, against the chip thickness of the setpoints themselves.
 
-mod common;
-
 use std::fmt::Write;
 
-use common::{run, validate};
+use crate::common::{run, validate};
 use feedwave_cutting::{MachineProfile, PipelineConfig, SectionReport, VibrationEnvelope};
 use proptest::prelude::*;
 

@@ -1,11 +1,9 @@
 //! Tangential vibrations leave the contour by no more than is reported, on arcs and over junctions.
 
-mod common;
-
 use std::fmt::Write;
 
-use common::measured::positions;
-use common::{run, validate};
+use crate::common::measured::positions;
+use crate::common::{run, validate};
 use feedwave_cutting::{GenerationMode, MachineProfile, PipelineConfig, VibrationEnvelope};
 use proptest::prelude::*;
 

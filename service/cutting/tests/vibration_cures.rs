@@ -1,11 +1,9 @@
 //! Every cure of a vibration cures: applied, the finding is gone, and nothing is refused for it.
 
-mod common;
-
 use std::fmt::Write;
 
-use common::cures::{configs, errors, faults, has, lathe, replaced, the_finding, value};
-use common::validate;
+use crate::common::cures::{configs, errors, faults, has, lathe, replaced, the_finding, value};
+use crate::common::validate;
 use feedwave_cutting::{DriveModel, FollowingModel, PipelineConfig, ValidationReport};
 use feedwave_program::Severity;
 use proptest::prelude::*;

@@ -1,13 +1,11 @@
 //! How a vibration begins and ends: limits at every setpoint, the exact end, nothing beyond the section, whatever the
 //! program, the mode, the period and the feed override.
 
-mod common;
-
 use core::f64::consts::TAU;
 use std::fmt::Write;
 
-use common::measured::{positions, worst_use};
-use common::{all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
+use crate::common::measured::{positions, worst_use};
+use crate::common::{all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{GenerationMode, MachineProfile, OverrideChange, PipelineConfig, VibrationEnvelope};
 use proptest::prelude::*;
 

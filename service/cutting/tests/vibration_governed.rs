@@ -1,11 +1,9 @@
 //! A word of one block may govern several sections: what replaces it cures all of them, or is not offered.
 
-mod common;
-
 use std::fmt::Write;
 
-use common::cures::{configs, faults, has, lathe, replaced, the_finding};
-use common::validate;
+use crate::common::cures::{configs, faults, has, lathe, replaced, the_finding};
+use crate::common::validate;
 use feedwave_cutting::{DriveModel, FollowingModel, ValidationReport};
 use feedwave_program::{Finding, Severity};
 use proptest::prelude::*;

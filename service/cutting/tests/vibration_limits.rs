@@ -2,14 +2,12 @@
 //! surface speed, rotary axes beside linear ones and under tool centre point control, threads. What the report says the
 //! machine follows stays within them, starts, ends, junctions and returns from clamps included.
 
-mod common;
-
 use core::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use common::machines::{config_of, kinds, kinematics};
-use common::measured::worst_use;
-use common::{run, validate};
+use crate::common::machines::{config_of, kinds, kinematics};
+use crate::common::measured::worst_use;
+use crate::common::{run, validate};
 use feedwave_cutting::thread::StartUp;
 use feedwave_cutting::{
     GenerationMode, MachineProfile, PipelineConfig, SectionReport, ValidationReport, VibrationEnvelope,

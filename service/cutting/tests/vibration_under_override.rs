@@ -1,10 +1,8 @@
 //! The amplitude of a vibration under the feed override: fixed, or following the feed so that the chip stays broken.
 
-mod common;
-
 use core::f64::consts::TAU;
 
-use common::{Setpoints, all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
+use crate::common::{Setpoints, all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{
     CutCondition, FeedCoupling, GenerationMode, MachineProfile, OverrideChange, PipelineConfig, SectionReport,
     VibrationEnvelope,

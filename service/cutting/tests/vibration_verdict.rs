@@ -1,9 +1,7 @@
 //! Whether a report says that the axes can follow a vibration, and with which numbers it says that they cannot.
 
-mod common;
-
-use common::machines::{config_of, kinds};
-use common::validate;
+use crate::common::machines::{config_of, kinds};
+use crate::common::validate;
 use feedwave_cutting::{MachineProfile, PipelineConfig, SectionReport, ValidationReport, VibrationEnvelope};
 use feedwave_program::{Finding, Severity};
 

@@ -1,8 +1,6 @@
 //! No decision from bad data: every fault holds with its reason, and the run recovers.
 
-mod common;
-
-use common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
+use crate::common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
 use feedwave_monitoring::{
     Action, Batch, BatchError, Decision, Event, EventError, Fallback, HoldReason, MAX_BATCH_SAMPLES, Monitor,
     Overrides, Reason, Receipt, SpikeFilter, SpindleRule, State,

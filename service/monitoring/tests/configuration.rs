@@ -1,8 +1,6 @@
 //! Impossible configurations are refused with one problem per field.
 
-mod common;
-
-use common::config;
+use crate::common::config;
 use feedwave_monitoring::{
     Bounds, ContactSource, Grouping, IdleRunUp, Length, Monitor, MonitoringConfig, Property, Quantity, Sensors,
     SpectrumConfig, SpindlePlan, SpindleRule, SpindleTable, TableRow,

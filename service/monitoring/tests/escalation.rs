@@ -1,8 +1,6 @@
 //! A property that stays above its limit at the lower feed bound does not go on for ever.
 
-mod common;
-
-use common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
+use crate::common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
 use feedwave_monitoring::{
     Action, Bound, Decision, Escalation, EscalationAction, Event, Fallback, HoldReason, Monitor, MonitoringConfig,
     Overrides, Property, Reason, SpectrumConfig,

@@ -1,8 +1,6 @@
 //! Invariants over random telemetry, faults included.
 
-mod common;
-
-use common::{Columns, PERIOD_NS, config, monitor};
+use crate::common::{Columns, PERIOD_NS, config, monitor};
 use feedwave_monitoring::{
     Action, Batch, ContactSource, Decision, Event, Evidence, Fallback, Grouping, Length, Monitor, MonitoringConfig,
     SpectrumConfig, SpikeFilter, SpindleRule, SpindleTable,

@@ -1,8 +1,6 @@
 //! Answers to decisions on the spindle speed that are in force at once: what is in force follows from what the machine says of each.
 
-mod common;
-
-use common::{Columns, config, cutting, monitor, note, run};
+use crate::common::{Columns, config, cutting, monitor, note, run};
 use feedwave_monitoring::{
     Action, Decision, Escalation, Event, Fallback, Monitor, MonitoringConfig, Overrides, Reason, SpindleAnswer,
     SpindleRule,

@@ -1,9 +1,7 @@
 //! The states of docs/functions/adaptive-feed.md ("State machine of one run") with their worked numbers, from samples
 //! to decisions.
 
-mod common;
-
-use common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
+use crate::common::{Columns, PERIOD_NS, config, cutting, monitor, note, run};
 use feedwave_monitoring::{
     Action, Batch, ContactSource, Event, Evidence, Grouping, IdleRunUp, Length, LineOrigin, Overrides, Pair, Quantity,
     Reason, Sensors, SpectrumConfig, State, ToolCheck,

@@ -1,5 +1,5 @@
 //! How close plans come to independent optima: the acceleration-limited one on a fine grid, and the jerk-limited one by
-//! exhaustive search on short paths. `cargo test -p feedwave-motion --test optimality -- --nocapture` lists the ratios.
+//! exhaustive search on short paths. `cargo test -p feedwave-motion --test motion -- --nocapture optimality` lists the ratios.
 
 use std::collections::HashSet;
 

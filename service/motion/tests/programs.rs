@@ -1,8 +1,6 @@
 //! The seven programs of [`common`]: what path control makes of their times.
 
-mod common;
-
-use common::{machine, planned, programs, seconds, within};
+use crate::common::{machine, planned, programs, seconds, within};
 use feedwave_program::PathControl;
 
 #[test]
@@ -21,9 +19,9 @@ fn every_program_hangs_together() {
 fn short_blocks_run_more_than_twice_as_fast_as_corner_by_corner() {
     // Seconds within 0.01 mm and 0.05 mm when each corner was rounded by itself.
     let before = [
-        (common::chord_circle(), [7.718, 7.718]),
-        (common::raster(), [25.768, 25.878]),
-        (common::freeform(), [12.632, 12.632]),
+        (crate::common::chord_circle(), [7.718, 7.718]),
+        (crate::common::raster(), [25.768, 25.878]),
+        (crate::common::freeform(), [12.632, 12.632]),
     ];
     let machine = machine();
     for (program, before) in before {
@@ -52,7 +50,7 @@ fn a_circle_in_chords_does_not_stop_on_its_way() {
     // From a speed from which the path can just stop before its last blocks, it cannot reach the low speed that they want.
     let machine = machine();
     for tolerance_mm in [0.002, 0.003, 0.005, 0.007, 0.01, 0.015, 0.02, 0.05, 0.1] {
-        let stretches = planned(&common::chord_circle(), within(tolerance_mm), &machine);
+        let stretches = planned(&crate::common::chord_circle(), within(tolerance_mm), &machine);
         let inside = &stretches[..stretches.len() - 1];
         let lowest = inside.iter().map(|&(_, speed)| speed).fold(f64::INFINITY, f64::min);
         assert!(lowest > 5.0, "{lowest} mm/s within {tolerance_mm} mm");
@@ -87,10 +85,10 @@ fn a_sharp_corner_among_short_blocks_is_no_slower_than_a_stop_in_it() {
             let from = at[leg % 2];
             for k in 1..=per_leg {
                 at[leg % 2] = from + 8.0 * f64::from(k) / f64::from(per_leg);
-                blocks.push(common::Block::Line(at));
+                blocks.push(crate::common::Block::Line(at));
             }
         }
-        common::Program { name: "legs", start: [0.0; 3], blocks }
+        crate::common::Program { name: "legs", start: [0.0; 3], blocks }
     };
     let whole = seconds(&legs(1), PathControl::ExactStop, &machine);
     for tolerance_mm in [0.01, 0.05, 0.2] {
@@ -102,7 +100,7 @@ fn a_sharp_corner_among_short_blocks_is_no_slower_than_a_stop_in_it() {
 #[test]
 fn tangent_arcs_cost_less_than_stopping() {
     let machine = machine();
-    for program in [common::pocket(), common::lines_and_arcs(), common::line_arc_line()] {
+    for program in [crate::common::pocket(), crate::common::lines_and_arcs(), crate::common::line_arc_line()] {
         let stop = seconds(&program, PathControl::ExactStop, &machine);
         for tolerance_mm in [0.01, 0.05] {
             let now = seconds(&program, within(tolerance_mm), &machine);

@@ -1,9 +1,7 @@
 //! Sharp corners: plans within a tolerance against exact stops, on shapes with many corners within reach of each other, and on some whose
 //! tolerance is small for their legs.
 
-mod common;
-
-use common::{Program, machine, within};
+use crate::common::{Program, machine, within};
 use feedwave_motion::{
     Carried, CornerSpeed, Element, Joining, Machine, MotionRequest, PathMotion, PathSmoother, Planned, Planner,
     PlannerSettings, Smoothed, limit_pieces, stretches,
@@ -31,7 +29,7 @@ impl Carried for Cut {
 /// Time at this feed, mm/min, of a fast plan or of one for the least time, whose speed changes along corners, s.
 fn seconds(program: &Program, control: PathControl, feed: f64, machine: &Machine, corner_speed: CornerSpeed) -> f64 {
     let joining = Joining { machine, many_blocks: true, corner_speed, corners: None };
-    let settings = PlannerSettings::new(machine, 5_000, common::PERIOD_S);
+    let settings = PlannerSettings::new(machine, 5_000, crate::common::PERIOD_S);
     let mut planner = Planner::<()>::new(match corner_speed {
         CornerSpeed::Steady => settings,
         CornerSpeed::Changing => settings.for_least_time(machine),
@@ -85,7 +83,7 @@ fn walk(name: &'static str, legs: impl IntoIterator<Item = [f64; 2]>) -> Program
         at[0] += length * heading.cos();
         at[1] += length * heading.sin();
         heading += turn;
-        common::Block::Line(at.map(|value| (value * 1e6).round() / 1e6))
+        crate::common::Block::Line(at.map(|value| (value * 1e6).round() / 1e6))
     });
     Program { name, start: [0.0; 3], blocks: blocks.collect() }
 }

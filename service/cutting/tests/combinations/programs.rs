@@ -13,7 +13,7 @@ use feedwave_motion::kinematics::KinematicsDescription;
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_program::{Axis, TiltedPlane};
 
-use super::common::machines::{config_of, direction_at, kinds, kinematics};
+use crate::common::machines::{config_of, direction_at, kinds, kinematics};
 
 /// The five functions, and programs of several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

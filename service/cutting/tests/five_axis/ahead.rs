@@ -6,8 +6,8 @@ use feedwave_cutting::PipelineConfig;
 use feedwave_program::{Finding, Severity};
 use proptest::prelude::*;
 
-use super::common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
 use super::machine::config;
+use crate::common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
 
 /// The trunnion (A −120° to 30°) with this range of C.
 fn limited(c_deg: [f64; 2]) -> PipelineConfig {

@@ -8,9 +8,9 @@ use feedwave_motion::kinematics::vector::{Vec3, add, add_scaled, angle, cross, n
 use feedwave_program::Axis;
 use proptest::prelude::*;
 
-use super::common::machines::{LENGTH_MM, config_of, kinds, position};
-use super::common::{Setpoints, all_bits, resume, run, snapshots, validate};
 use super::least_time::check_limits;
+use crate::common::machines::{LENGTH_MM, config_of, kinds, position};
+use crate::common::{Setpoints, all_bits, resume, run, snapshots, validate};
 
 /// A place of the tool: its centre point, mm, and its tilt and turn, degrees.
 type Place = (Vec3, [f64; 2]);

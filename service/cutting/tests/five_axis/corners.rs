@@ -10,11 +10,11 @@ use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, norm, sub};
 use feedwave_program::Axis;
 use proptest::prelude::*;
 
-use super::common::machines::{config_of, kinds};
-use super::common::{Setpoints, all_bits, resume, run, snapshots, validate};
 use super::least_time::check_limits;
 use super::machine::config;
 use super::{distance, freeform, poses};
+use crate::common::machines::{config_of, kinds};
+use crate::common::{Setpoints, all_bits, resume, run, snapshots, validate};
 
 const P_MM: f64 = 0.02;
 

@@ -6,8 +6,8 @@ use feedwave_motion::kinematics::GreatCircle;
 use feedwave_motion::kinematics::vector::{Vec3, angle, norm, sub, unit};
 use feedwave_program::{Axis, TiltedPlane};
 
-use super::common::machines::{config_of, direction_at, kinds, kinematics, poses, position};
-use super::common::{resume, run, snapshots, validate};
+use crate::common::machines::{config_of, direction_at, kinds, kinematics, poses, position};
+use crate::common::{resume, run, snapshots, validate};
 
 /// A direction as a program writes it, and what it then is.
 fn written(direction: Vec3) -> (String, Vec3) {

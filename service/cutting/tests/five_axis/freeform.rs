@@ -6,8 +6,8 @@ use std::fmt::Write;
 use feedwave_cutting::PlanQuality;
 use feedwave_motion::kinematics::vector::{Vec3, add, cross, sub, unit};
 
-use super::common::validate;
 use super::machine::config;
+use crate::common::validate;
 
 /// Sides of the triangulated square, mm.
 const SIDE_MM: f64 = 100.0;

@@ -3,8 +3,8 @@
 use feedwave_cutting::PlanQuality;
 use proptest::prelude::*;
 
-use super::common::{run, validate};
 use super::machine::config;
+use crate::common::{run, validate};
 
 fn a_line() -> impl Strategy<Value = String> {
     let word = |letters: &'static [&'static str], most: f64| {

@@ -4,9 +4,9 @@
 use feedwave_cutting::{OverrideChange, PipelineConfig, PlanQuality};
 use proptest::prelude::*;
 
-use super::common::{Setpoints, all_bits, resume, run, run_appending, snapshots};
 use super::freeform;
 use super::machine::config;
+use crate::common::{Setpoints, all_bits, resume, run, run_appending, snapshots};
 
 /// Polynomials hold the axes of a chain to 1e-10 mm or degrees; differences of setpoints take a multiple of it.
 const FIT: f64 = 1e-9;

@@ -5,8 +5,8 @@ use feedwave_motion::kinematics::vector::{Vec3, sub};
 use feedwave_motion::kinematics::{Kinematics, Setup};
 use feedwave_program::ToolOffset;
 
-use super::common::{Setpoints, run, validate};
 use super::machine::{LENGTH_MM, config};
+use crate::common::{Setpoints, run, validate};
 
 /// Offset of the work: X, Y, Z and C.
 const OFFSET: [f64; 4] = [30.0, -40.0, 55.0, 25.0];

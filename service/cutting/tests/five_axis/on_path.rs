@@ -3,9 +3,9 @@
 use feedwave_cutting::{OverrideChange, PipelineConfig};
 use feedwave_motion::kinematics::vector::{Vec3, norm, sub};
 
-use super::common::{Setpoints, run, validate};
 use super::machine::config;
 use super::{distance, poses};
+use crate::common::{Setpoints, run, validate};
 
 const CORNERS: [Vec3; 4] = [[0.0, 0.0, 30.0], [20.0, 5.0, 20.0], [25.0, -10.0, 20.0], [0.0, -10.0, 20.0]];
 

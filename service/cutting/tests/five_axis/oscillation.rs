@@ -8,9 +8,9 @@ use feedwave_cutting::{Frame, PipelineConfig};
 use feedwave_motion::kinematics::vector::{dot, norm, sub};
 use feedwave_motion::kinematics::{JointValues, Kinematics, Setup, ToolPose};
 
-use super::common::{resume, run, snapshots, validate};
 use super::machine::{LENGTH_MM, config};
 use super::{distance, poses};
+use crate::common::{resume, run, snapshots, validate};
 
 /// Two periods of 1 mm.
 pub const RAMP_MM: f64 = 2.0;

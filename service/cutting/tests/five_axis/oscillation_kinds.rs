@@ -9,9 +9,9 @@ use feedwave_motion::kinematics::KinematicsDescription;
 use feedwave_motion::kinematics::vector::{Vec3, add, add_scaled, cross, dot, norm, scale, sub, unit};
 use feedwave_program::Axis;
 
-use super::common::machines::{config_of, direction_at, kinds, kinematics, poses, position};
-use super::common::{Setpoints, resume, run, snapshots, validate};
 use super::oscillation::{RAMP_MM, condition, geometry};
+use crate::common::machines::{config_of, direction_at, kinds, kinematics, poses, position};
+use crate::common::{Setpoints, resume, run, snapshots, validate};
 
 /// The machine with an oscillating tool 1.
 fn oscillating(description: KinematicsDescription) -> PipelineConfig {

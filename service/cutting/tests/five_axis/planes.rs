@@ -6,8 +6,8 @@ use feedwave_cutting::{PipelineConfig, VibrationEnvelope};
 use feedwave_motion::kinematics::vector::{Vec3, angle, norm, sub};
 use feedwave_program::TiltedPlane;
 
-use super::common::machines::{config_of, kinds, poses};
-use super::common::{Setpoints, run, validate};
+use crate::common::machines::{config_of, kinds, poses};
+use crate::common::{Setpoints, run, validate};
 
 fn plane() -> TiltedPlane {
     TiltedPlane::by_euler_angles([5.0, -3.0, 2.0], [20.0, 25.0, 40.0], 0)

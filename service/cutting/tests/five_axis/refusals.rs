@@ -3,8 +3,8 @@
 use feedwave_cutting::{GenerationMode, PipelineConfig};
 use feedwave_program::{Axis, Finding};
 
-use super::common::validate;
 use super::machine::config;
+use crate::common::validate;
 
 fn findings(program: &str, config: &PipelineConfig) -> Vec<Finding> {
     validate(&format!("{program}\nM30\n"), config).findings

@@ -1,7 +1,7 @@
 //! Corners between the blocks of one thread, against the setpoints.
 
+use super::{codes, lathe};
 use crate::common::{run, validate};
-use crate::{codes, lathe};
 
 use feedwave_cutting::PipelineConfig;
 use feedwave_program::Finding;

@@ -8,8 +8,8 @@ use feedwave_cutting::thread::{
     thread_program_text,
 };
 
-use super::common::{all_bits, resume, run, snapshots, validate};
 use super::{accepted, check_limits, codes, cutting, lathe, lines, near, wave};
+use crate::common::{all_bits, resume, run, snapshots, validate};
 
 const FACE: &str = include_str!("../../../../tests/fixtures/thread-face.nc");
 

@@ -1,7 +1,7 @@
 //! Coordinates that are shifted between the passes of a thread: the work and the groove stay where they are.
 
-use super::common::{run, validate};
 use super::{lathe, near};
+use crate::common::{run, validate};
 use feedwave_cutting::thread::{ThreadSectionReport, ThreadSide};
 
 /// A pass of X 9, what comes between, and the pass that follows.

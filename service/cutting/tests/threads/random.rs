@@ -4,8 +4,8 @@ use feedwave_cutting::PipelineConfig;
 use feedwave_cutting::thread::{StartUp, ThreadFollower, ThreadPath};
 use proptest::prelude::*;
 
-use super::common::{resume, run, run_in_pieces, snapshots, validate};
 use super::{check_limits, cutting, lathe, near, wave};
+use crate::common::{resume, run, run_in_pieces, snapshots, validate};
 
 /// A random thread.
 #[derive(Clone, Debug)]

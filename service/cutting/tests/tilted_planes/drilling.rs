@@ -3,8 +3,8 @@
 use feedwave_motion::kinematics::vector::{Vec3, dot, norm, sub};
 use feedwave_program::{Axis, TiltedPlane};
 
-use super::common::{Setpoints, run, validate};
 use super::{config, config_of, from_segment, machines, poses, position};
+use crate::common::{Setpoints, run, validate};
 
 /// A drilling program in a plane with the origin X10 Y-20 Z30, tool T1, and its path in the coordinates of the plane by the
 /// rules of the cycles: down to R, the cut, back to the start level of Z40 or to R.

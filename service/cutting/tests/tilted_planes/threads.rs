@@ -5,9 +5,9 @@ use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_program::{Axis, TiltedPlane};
 use proptest::prelude::*;
 
-use super::common::measured::worst_use;
-use super::common::{Setpoints, resume, run, snapshots, validate};
 use super::{config, config_of, from_segment, machines, poses, position};
+use crate::common::measured::worst_use;
+use crate::common::{Setpoints, resume, run, snapshots, validate};
 
 /// A straight thread, a taper, one of three parts of which one leads along X, and one along X.
 const THREADS: &str = "G53.1

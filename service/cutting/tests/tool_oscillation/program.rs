@@ -8,8 +8,8 @@ use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, Val
 use feedwave_program::Severity;
 use proptest::prelude::*;
 
-use super::common::{Setpoints, machines, resume, run, snapshots, validate};
 use super::{condition, tool};
+use crate::common::{Setpoints, machines, resume, run, snapshots, validate};
 
 const DEPTH_MM: f64 = 1.0;
 /// Two periods of 1 mm.

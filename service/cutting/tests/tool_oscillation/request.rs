@@ -8,8 +8,8 @@ use feedwave_cutting::tool_oscillation::{
 use feedwave_cutting::{MachineProfile, PipelineConfig, Tool};
 use feedwave_program::Finding;
 
-use super::common::{resume, run, snapshots, validate};
 use super::{assert_near, condition, job, tool};
+use crate::common::{resume, run, snapshots, validate};
 
 fn config() -> PipelineConfig {
     let mut profile = MachineProfile::mill();

@@ -5,9 +5,9 @@ use feedwave_motion::kinematics::{FiveAxisBlock, TipCircle, TipCurve, TipPath, T
 use feedwave_program::Axis;
 use proptest::prelude::*;
 
-use crate::five_axis::{block, point};
-use crate::machines::{a_direction, a_machine, a_point};
-use crate::properties::a_setup;
+use super::five_axis::{block, point};
+use super::machines::{a_direction, a_machine, a_point};
+use super::properties::a_setup;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]

@@ -9,10 +9,10 @@ use feedwave_motion::kinematics::{
 use feedwave_program::{Axis, SourceSpan};
 use proptest::prelude::*;
 
-use crate::machines::{
+use super::machines::{
     a_machine, a_point, compiled, head_head, head_table, nutating_head, table_table_ac, table_table_bc,
 };
-use crate::properties::a_setup;
+use super::properties::a_setup;
 
 pub fn block(end_mm: Vec3, toward: Toward) -> FiveAxisBlock<'static> {
     FiveAxisBlock { end_mm, curve: None, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }

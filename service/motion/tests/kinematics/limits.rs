@@ -9,8 +9,8 @@ use feedwave_motion::{
 use feedwave_program::{Feed, Position, Spindle};
 use proptest::prelude::*;
 
-use crate::five_axis::{block, point};
-use crate::machines::{a_point, compiled, head_head, head_table, nutating_head, table_table_ac, table_table_bc};
+use super::five_axis::{block, point};
+use super::machines::{a_point, compiled, head_head, head_table, nutating_head, table_table_ac, table_table_bc};
 
 /// A block of the path, in `parts` of equal length.
 #[derive(Clone, Copy, Debug)]

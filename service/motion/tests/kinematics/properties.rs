@@ -6,7 +6,7 @@ use feedwave_motion::kinematics::{
 };
 use proptest::prelude::*;
 
-use crate::machines::{a_direction, a_machine, a_point};
+use super::machines::{a_direction, a_machine, a_point};
 
 pub fn a_setup() -> impl Strategy<Value = Setup> {
     (a_point(500.0), a_direction(), a_direction(), 0.0..300.0_f64).prop_filter_map(

@@ -3,8 +3,6 @@
 
 mod ahead;
 mod chains;
-#[path = "../common/mod.rs"]
-mod common;
 mod corners;
 mod curves;
 mod freeform;
@@ -20,7 +18,7 @@ mod refusals;
 
 use std::collections::BTreeSet;
 
-use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
+use crate::common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::thinning::{ThinningMethod, ThinningSettings};
 use feedwave_cutting::{Frame, PipelineConfig};
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, sub};

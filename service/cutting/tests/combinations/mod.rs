@@ -1,14 +1,12 @@
 //! Every machining function on every kind of machine that can do it, under random changes of the feed override, taken up at a
 //! random setpoint: the same bits however the stream is made, every axis within its limits at every setpoint, exact ends.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod programs;
 
 use std::sync::Arc;
 
-use common::machines::poses;
-use common::{Setpoints, all_bits, run, run_appending, run_in_pieces, validate};
+use crate::common::machines::poses;
+use crate::common::{Setpoints, all_bits, run, run_appending, run_in_pieces, validate};
 use feedwave_cutting::{OverrideChange, Pipeline, PipelineConfig, PlanQuality, Step};
 use feedwave_motion::kinematics::vector::{norm, sub};
 use programs::{Case, End, Function, Numbers};

@@ -1,12 +1,10 @@
 //! Tilted work planes from program text to setpoints, on every kind of machine: the tool centre point on the programmed path in
 //! the coordinates of the plane, the tool axis on its normal, the choice of the solution, refusals, streams from anywhere.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod drilling;
 mod threads;
 
-use common::{Setpoints, resume, run, snapshots, validate};
+use crate::common::{Setpoints, resume, run, snapshots, validate};
 use feedwave_cutting::{Frame, MachineProfile, PipelineConfig, Tool};
 use feedwave_motion::MachineAxis;
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, sub};

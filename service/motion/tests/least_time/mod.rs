@@ -1,10 +1,8 @@
 //! Plans for the least time: within every limit, never slower than plans of runs, and the same whatever the window.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod optimum;
 
-use common::{PERIOD_S, machine, programs, request, smoothed, within};
+use crate::common::{PERIOD_S, machine, programs, request, smoothed, within};
 use feedwave_motion::{
     CornerSpeed, Machine, MotionRequest, PathMotion, Planned, PlannedMotion, Planner, PlannerSettings, Smoothed,
     StretchProfile, limit_pieces, stretches,
@@ -12,7 +10,7 @@ use feedwave_motion::{
 use feedwave_program::{Feed, PathControl, Spindle};
 
 fn plan(
-    program: &common::Program,
+    program: &crate::common::Program,
     control: PathControl,
     machine: &Machine,
     (settings, speed): (PlannerSettings, CornerSpeed),
@@ -81,7 +79,7 @@ fn differences(motions: &[PlannedMotion], machine: &Machine, period_s: f64) -> [
 }
 
 /// Times of the plan of runs and of the least time, s.
-fn times(program: &common::Program, control: PathControl, machine: &Machine, period_s: f64) -> [f64; 2] {
+fn times(program: &crate::common::Program, control: PathControl, machine: &Machine, period_s: f64) -> [f64; 2] {
     let settings = PlannerSettings::new(machine, 5_000, period_s);
     let runs = plan(program, control, machine, (settings.clone(), CornerSpeed::Steady));
     let least = plan(program, control, machine, (settings.for_least_time(machine), CornerSpeed::Changing));
@@ -159,8 +157,8 @@ fn within_a_tolerance_the_time_does_not_depend_on_the_period() {
 fn a_circle_of_chords_runs_like_the_arc() {
     let machine = machine();
     for tolerance_mm in [0.02, 0.05, 0.1] {
-        let [_, chords] = times(&common::chord_circle(), within(tolerance_mm), &machine, PERIOD_S);
-        let [_, arc] = times(&common::one_circle(), within(tolerance_mm), &machine, PERIOD_S);
+        let [_, chords] = times(&crate::common::chord_circle(), within(tolerance_mm), &machine, PERIOD_S);
+        let [_, arc] = times(&crate::common::one_circle(), within(tolerance_mm), &machine, PERIOD_S);
         assert!(chords <= 1.05 * arc, "{chords} of {arc} s within {tolerance_mm} mm");
     }
 }
@@ -220,7 +218,7 @@ fn plan_step_by_step(requests: &[MotionRequest], settings: PlannerSettings) -> (
 #[test]
 fn windows_lead_over_what_is_released_together_and_it_does_not_matter_when_it_is_taken() {
     let machine = machine();
-    for program in [common::raster(), common::freeform()] {
+    for program in [crate::common::raster(), crate::common::freeform()] {
         let requests: Vec<_> = smoothed(&program, within(0.05), CornerSpeed::Changing)
             .into_iter()
             .map(|Smoothed { element, rest_at_end, .. }| request(element, rest_at_end, &machine))
@@ -250,7 +248,11 @@ fn a_straight_move_keeps_its_seven_phases() {
 }
 
 /// The motions of a program at this feed, mm/min, on the generic mill.
-fn at_feed(program: &common::Program, feed: f64, settings: impl Fn(&Machine) -> PlannerSettings) -> Vec<PlannedMotion> {
+fn at_feed(
+    program: &crate::common::Program,
+    feed: f64,
+    settings: impl Fn(&Machine) -> PlannerSettings,
+) -> Vec<PlannedMotion> {
     let machine = Machine::mill();
     let mut planner = Planner::<()>::new(settings(&machine));
     for Smoothed { element, rest_at_end, .. } in smoothed(program, within(0.05), CornerSpeed::Changing) {
@@ -273,7 +275,7 @@ fn for_least_time(machine: &Machine) -> PlannerSettings {
 }
 
 /// Speeds every fifth of a millisecond at this feed, mm/min, by the commanded one.
-fn shares_of_feed(program: &common::Program, feed: f64) -> Vec<f64> {
+fn shares_of_feed(program: &crate::common::Program, feed: f64) -> Vec<f64> {
     let mut shares = Vec::new();
     for motion in at_feed(program, feed, for_least_time) {
         for stretch in &motion.stretches {
@@ -288,7 +290,7 @@ fn shares_of_feed(program: &common::Program, feed: f64) -> Vec<f64> {
 #[test]
 fn the_commanded_speed_is_never_exceeded_and_hardly_ever_just_missed() {
     // It was exceeded by 2e-6 and 6e-5, and 0.01 and 0.04 of the time the path was slower than it by no more than 1e-4.
-    for (program, feed) in [(common::pocket(), 2_000.0), (common::ripples(1_000), 6_000.0)] {
+    for (program, feed) in [(crate::common::pocket(), 2_000.0), (crate::common::ripples(1_000), 6_000.0)] {
         let shares = shares_of_feed(&program, feed);
         let most = shares.iter().copied().fold(0.0, f64::max);
         assert!(most <= 1.0 + 1e-9, "{}: {most}", program.name);
@@ -299,7 +301,7 @@ fn the_commanded_speed_is_never_exceeded_and_hardly_ever_just_missed() {
 
 #[test]
 fn a_long_cruise_at_the_commanded_feed_is_not_planned_anew() {
-    let circle = common::one_circle();
+    let circle = crate::common::one_circle();
     let fast = at_feed(&circle, 800.0, |machine| PlannerSettings::new(machine, 5_000, PERIOD_S));
     let least = at_feed(&circle, 800.0, for_least_time);
     let [motion] = &least[..] else { panic!("{} motions", least.len()) };

@@ -1,7 +1,5 @@
 //! Threads through the whole pipeline, against the numbers and conditions of docs/functions/thread-vibration.md.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod corners;
 mod face;
 mod frames;
@@ -9,7 +7,7 @@ mod random;
 
 use std::f64::consts::PI;
 
-use common::{Setpoints, run, validate};
+use crate::common::{Setpoints, run, validate};
 use feedwave_cutting::thread::{SpindleRotation, StartUp, ThreadFollower, ThreadPath, ThreadSectionReport};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, ValidationReport};
 use feedwave_program::Severity;

@@ -2,8 +2,6 @@
 //! simulation.
 
 mod brute_force;
-#[path = "../common/mod.rs"]
-mod common;
 mod conditions;
 mod example;
 mod program;

@@ -1,0 +1,16 @@
+//! Motion: geometry, limits, planning, kinematics. One binary: see `feedwave-cutting`.
+
+mod chain_limits;
+mod common;
+mod geometry;
+mod kinematics;
+mod least_time;
+mod optimality;
+mod planning;
+mod programs;
+mod replanning;
+mod sharp_corners;
+mod spline_limits;
+mod splines;
+mod superposed;
+mod window_bytes;
