@@ -10,6 +10,22 @@ use feedwave_program::Axis;
 /// Setpoints that a feed hold lasts.
 const HOLD: u64 = 400;
 
+/// No axis goes further from one setpoint to the next than it can.
+fn assert_no_jump(setpoints: &Setpoints, config: &PipelineConfig, held_at: u64) {
+    for (column, axis) in setpoints.axes.iter().zip(&config.profile.machine.axes) {
+        let most = axis.max_velocity_per_s * 1e-6 * f64::from(config.interpolation_period_us);
+        for (k, pair) in column.windows(2).enumerate() {
+            let (step, line) = ((pair[1] - pair[0]).abs(), setpoints.line[k + 1]);
+            assert!(
+                step <= most * (1.0 + 1e-9),
+                "held at {held_at}: {} goes {step} to setpoint {}, line {line}",
+                axis.name,
+                k + 1
+            );
+        }
+    }
+}
+
 /// Holds the feed at every setpoint in turn; the number of those at which a hold was longer than the run without one.
 fn hold_everywhere(program: &str, plain_config: &PipelineConfig) {
     let plain = run(program, plain_config);
@@ -21,6 +37,7 @@ fn hold_everywhere(program: &str, plain_config: &PipelineConfig) {
         config.overrides =
             vec![OverrideChange { index, ratio: 0.0 }, OverrideChange { index: index + HOLD, ratio: 1.0 }];
         let changed = run(program, &config);
+        assert_no_jump(&changed, &config, index);
         assert_eq!(end(changed.len() - 1, &changed), end(plain.len() - 1, &plain), "held at {index}");
         held += usize::from(changed.len() > plain.len());
     }
@@ -45,6 +62,17 @@ fn in_the_parts_of_a_section_and_between_sections() {
 fn where_nothing_vibrates_and_the_path_rests() {
     let program = "G21 G90 G17 M3 S3000\nG0 X0 Y0 Z5\nG4 P20\nG1 Z4 F2000\nG4 P20\nS2000\nG1 X3\nM0\nY3\nG0 Z10\nM30\n";
     hold_everywhere(program, &PipelineConfig::new(MachineProfile::mill()));
+}
+
+#[test]
+fn before_and_behind_threads_and_taps() {
+    let lathe = PipelineConfig::new(MachineProfile::lathe());
+    for pass in ["G32 Z6. F1.5 Q144.18", "G165 P3 X9.5 Q1.2\nG32 Z6. F1.5\nG165 P0"] {
+        let program = format!("G21 G90 G95 G97 S728 M3\nG0 X14. Z10.\nX9.5\n{pass}\nG0 X14.\nM30\n");
+        hold_everywhere(&program, &lathe);
+    }
+    let tap = "G21 G90 G17 G94 M3 S1200\nG0 X0 Y0 Z5\nM29 S1200\nG84 X2 Y0 Z-2 R1 F1500\nG80\nG0 X0\nM30\n";
+    hold_everywhere(tap, &PipelineConfig::new(MachineProfile::mill()));
 }
 
 /// A rapid move that a hold finds braking stops at its end, before the section begins.

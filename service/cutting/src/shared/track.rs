@@ -15,6 +15,9 @@ pub(crate) trait PathBarrier {
 
     /// Whether the path of a section, or of a part of it, ends here.
     fn ends_path(&self) -> bool;
+
+    /// Whether the tool leaves its place here: what comes behind begins elsewhere.
+    fn moves_tool(&self) -> bool;
 }
 
 /// Tolerance for the rounding of summed path lengths, relative and mm.
@@ -170,7 +173,7 @@ impl<B: PathBarrier> Track<B> {
                     return;
                 }
                 // No section is in progress, and what lies behind is another path.
-                Ahead::Barrier(barrier) if barrier.starts_path() => return,
+                Ahead::Barrier(barrier) if barrier.starts_path() || barrier.moves_tool() => return,
                 _ if !item.begins_element() => {}
                 _ if shown < self.shown => shown += 1,
                 _ if self.shown > 0 && is_enough(self) => return,

@@ -42,4 +42,8 @@ impl PathBarrier for Barrier {
     fn ends_path(&self) -> bool {
         matches!(self, Self::Function(barrier) if barrier.ends_path())
     }
+
+    fn moves_tool(&self) -> bool {
+        matches!(self, Self::Function(barrier) if barrier.moves_tool())
+    }
 }

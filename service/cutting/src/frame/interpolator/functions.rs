@@ -110,6 +110,10 @@ impl PathBarrier for FunctionBarrier {
     fn ends_path(&self) -> bool {
         matches!(self, Self::Vibration(SectionBarrier::End | SectionBarrier::PartEnd) | Self::EndSuperposition)
     }
+
+    fn moves_tool(&self) -> bool {
+        matches!(self, Self::Thread(_) | Self::Tap(_))
+    }
 }
 
 /// An activity that a function has for itself.
