@@ -14,6 +14,7 @@ mod on_path;
 mod oscillation;
 mod oscillation_kinds;
 mod planes;
+mod poles;
 mod refusals;
 
 use std::collections::BTreeSet;

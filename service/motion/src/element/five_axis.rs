@@ -43,10 +43,14 @@ pub(crate) struct FiveAxisPiece {
 }
 
 impl FiveAxisPiece {
-    /// A piece from the coefficients of each axis.
+    /// A piece from the coefficients of each axis. However short it is, it says how fast they move: a piece on which nothing does has no
+    /// limit of the speed.
     pub(crate) fn new<const N: usize>(middle: f64, half: f64, axes: [[f64; N]; CHAIN]) -> Self {
-        let count =
-            (0..N).rev().find(|&k| axes.iter().any(|axis| axis[k].abs() > FIVE_AXIS_NOTHING)).map_or(1, |k| k + 1);
+        let count = (0..N)
+            .rev()
+            .find(|&k| axes.iter().any(|axis| axis[k].abs() > FIVE_AXIS_NOTHING))
+            .map_or(2, |k| k + 1)
+            .max(2);
         let powers = (0..count).map(|k| axes.map(|axis| axis[k])).collect();
         Self { middle, half, powers }
     }

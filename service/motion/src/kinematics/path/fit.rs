@@ -26,6 +26,9 @@ const SHORT: usize = 6;
 /// Rounding of a place along a block, as a share of it.
 const PLACE_ROUNDING: f64 = 2.0 * f64::EPSILON;
 
+/// The same of a bend, which follows from the angles of the great circle.
+const PLACE_ROUNDING_OF_BEND: f64 = 8.0 * f64::EPSILON;
+
 /// How the rotary axes turn along a block.
 pub(in crate::kinematics) enum RotaryPath<'a> {
     /// Evenly, rad.
@@ -83,7 +86,9 @@ pub(in crate::kinematics) fn fit(
     let mut from = 0.0;
     let mut bends: SmallVec<[f64; 4]> = match rotary_path {
         RotaryPath::GreatCircle(turning) => {
-            turning.bends().into_iter().filter(|bend| (0.0..1.0).contains(bend)).collect()
+            // One that is at an end but for rounding divides nothing.
+            let within = PLACE_ROUNDING_OF_BEND..1.0 - PLACE_ROUNDING_OF_BEND;
+            turning.bends().into_iter().filter(|bend| within.contains(bend)).collect()
         }
         RotaryPath::Angles { .. } | RotaryPath::Along(_) => SmallVec::new(),
     };
