@@ -9,6 +9,7 @@ use feedwave_motion::{
 };
 
 use super::{Activity, ActivityKind, After, Barrier, Interpolator, State, Track};
+use crate::frame::config::MAX_SETPOINTS;
 
 /// A place this close to the end of a stretch is its end, mm: rounding of path lengths.
 const SAME_PLACE_MM: f64 = 1e-9;
@@ -93,8 +94,10 @@ impl Interpolator {
         Some(start_mm + s)
     }
 
-    /// Rests until the setpoint with the index `until`, because no speed is commanded.
-    pub(crate) fn hold_feed(&mut self, until: u64) {
+    /// Rests while no speed is commanded. Without a next change that lasts, as one activity, until one is appended or there are too many
+    /// setpoints: where activities end, the spindle's angle is rounded.
+    pub(crate) fn hold_feed(&mut self) {
+        let until = self.state.pause.unwrap_or(MAX_SETPOINTS + 1).max(self.state.next);
         let current = self.state.track.current_index();
         let kind = match self.state.track.motion(current) {
             Some(motion) => ActivityKind::FeedHold { s: motion.stretches.last().map_or(0.0, |last| last.stretch.end) },

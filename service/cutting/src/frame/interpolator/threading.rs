@@ -9,7 +9,7 @@ use feedwave_program::SpindleDirection;
 use super::functions::{FunctionActivity, FunctionBarrier, FunctionStep};
 use super::{Activity, ActivityKind, After, Barrier, Interpolator, Rest, State};
 use crate::functions::thread::{ThreadRun, ThreadScratch};
-use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
+use crate::shared::setpoint::SetpointBlock;
 use crate::shared::track::Track;
 
 impl Interpolator {
@@ -21,9 +21,7 @@ impl Interpolator {
     /// Starts the pass that the tool has come to; in feed hold it waits before it.
     pub(super) fn begin_thread(&mut self) {
         if self.state.feed_override == 0.0 {
-            let next = self.state.next;
-            let until = self.state.pause.unwrap_or(next + BLOCK_LENGTH as u64);
-            return self.hold_feed(until.max(next));
+            return self.hold_feed();
         }
         let Some(run) = self.thread() else { return };
         match run.preparation {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
-use crate::frame::config::{MAX_SETPOINTS, OverrideChange};
+use crate::frame::config::OverrideChange;
 use crate::frame::profile::{MAX_OVERRIDE_RATIO, MIN_OVERRIDE_RATIO, is_override_ratio};
 
 /// A change of the feed override that cannot be appended; nothing changes.
@@ -97,9 +97,7 @@ impl Pipeline {
         if self.interpolator.goes_on() {
             return self.interpolator.reach_is_known();
         }
-        let next = self.interpolator.next_index();
-        // Without a next change it lasts, as one activity, until one is appended or there are too many setpoints.
-        self.interpolator.hold_feed(self.interpolator.pause().unwrap_or(MAX_SETPOINTS + 1).max(next));
+        self.interpolator.hold_feed();
         true
     }
 }
