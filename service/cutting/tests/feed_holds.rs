@@ -68,7 +68,7 @@ fn where_nothing_vibrates_and_the_path_rests() {
 fn before_and_behind_threads_and_taps() {
     let lathe = PipelineConfig::new(MachineProfile::lathe());
     for pass in ["G32 Z6. F1.5 Q144.18", "G165 P3 X9.5 Q1.2\nG32 Z6. F1.5\nG165 P0"] {
-        let program = format!("G21 G90 G95 G97 S728 M3\nG0 X14. Z10.\nX9.5\n{pass}\nG0 X14.\nM30\n");
+        let program = format!("G21 G99 G97 S728 M3\nG0 X14. Z10.\nX9.5\n{pass}\nG0 X14.\nM30\n");
         hold_everywhere(&program, &lathe);
     }
     let tap = "G21 G90 G17 G94 M3 S1200\nG0 X0 Y0 Z5\nM29 S1200\nG84 X2 Y0 Z-2 R1 F1500\nG80\nG0 X0\nM30\n";

@@ -20,6 +20,7 @@ mod path_control;
 mod pocket;
 mod probe;
 mod saved;
+mod shown_system;
 mod spindle;
 mod spline;
 mod straight;

@@ -2,6 +2,7 @@
 
 mod drilling;
 mod machine;
+mod shown;
 mod turning;
 
 use serde::{Deserialize, Serialize};
@@ -9,6 +10,7 @@ use serde::{Deserialize, Serialize};
 pub use self::drilling::DrillingCycle;
 pub(crate) use self::drilling::{BoltPattern, Cycle, Drilling};
 pub(crate) use self::machine::{MachineModes, ModeContext, Overrides};
+pub(crate) use self::shown::ShownBy;
 pub(crate) use self::turning::{Pockets, Roughed, SingleCycle, TurningCycle, TurningModes};
 
 use crate::coordinates::Coordinates;
@@ -61,6 +63,12 @@ pub struct InterpreterState {
     pub(crate) inch: bool,
     /// A code was read that G-code system A does not have.
     pub(crate) not_system_a: bool,
+    /// A code or a word was read that G-code system A alone has, on a lathe whose profile names no system.
+    pub(crate) is_system_a: bool,
+    /// Which code or word that was, or the first that A does not have.
+    pub(crate) system_shown_by: Option<ShownBy>,
+    /// The first `G98` or `G99` that changed the feed mode, as it does in A, while the system was open.
+    pub(crate) feed_of_system_a: Option<ShownBy>,
     /// A code was read that G-code system C does not have.
     pub(crate) not_system_c: bool,
     pub(crate) absolute: bool,
@@ -408,6 +416,9 @@ impl InterpreterState {
             },
             inch: settings.initial_inch,
             not_system_a: matches!(settings.g_code_system, Some(crate::GCodeSystem::B | crate::GCodeSystem::C)),
+            is_system_a: false,
+            system_shown_by: None,
+            feed_of_system_a: None,
             not_system_c: false,
             absolute: true,
             arc_absolute: false,

@@ -60,7 +60,8 @@ crate::finding_codes! {
     "PRG-CODE-AMBIGUOUS" [CODE_AMBIGUOUS: Error] {
         meaning: "a code that controls read differently with these words, so that nothing moves on a guess",
         cause: "On a lathe `G90 X45 Z-30` is a turning cycle in G-code system A and a move in the others; `G94`, \
-              `G92`, `G20`, `G21`, `G72` to `G79` and `G80` are alike.",
+              `G92`, `G20`, `G21`, `G72` to `G79` and `G80` are alike, and so is `R` of drilling cycles. Or the program has codes \
+              of system A and of the others (`U` and `G91`).",
         cure: "Set `g_code_system` of the machine profile's language. Or for a move, write its motion code behind the code \
               (`G90 G1 X45`), or the code in a block of its own; for a cycle, write its passes.",
         example: lathe("G90 X45 Z-30 F0.2"),

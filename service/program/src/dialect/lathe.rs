@@ -155,8 +155,8 @@ const LATHE_G_CODES: &[Code] = &[
     doubtful(900, Group::Distance, Meaning::Distance { absolute: true }, &TURNING_CYCLE),
     code(920, Group::NonModal, Meaning::SpeedClampOrThreadCycle),
     doubtful(940, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute), &FACING_CYCLE),
-    code(980, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
-    code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
+    code(980, Group::CycleReturn, Meaning::FeedOrReturn { to_r: false }),
+    code(990, Group::CycleReturn, Meaning::FeedOrReturn { to_r: true }),
 ];
 
 /// The G codes that the G-code system named by a lathe's profile reads differently, after which those of [`LATHE_G_CODES`]
@@ -194,6 +194,8 @@ const SYSTEM_A: &[Code] = &[
     code(940, Group::Motion, SINGLE_FACE),
     code(950, Group::FeedUnit, of_other("the feed per revolution", &[B, C], "A G99")),
 ];
+    code(980, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
+    code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
 
 const SYSTEM_B: &[Code] = &[
     code(200, Group::Units, INCH),

@@ -257,6 +257,10 @@ pub(crate) enum Meaning {
     CycleReturn {
         to_r: bool,
     },
+    /// `G98`, `G99` of a lathe whose G-code system is not known: a feed mode in A, the level to which cycles return in B and C.
+    FeedOrReturn {
+        to_r: bool,
+    },
     /// `G33.1`
     RigidTap,
     Function {

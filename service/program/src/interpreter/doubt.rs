@@ -36,15 +36,12 @@ const THREAD_LETTERS: u32 = letter_bit(b'F') | letter_bit(b'E') | letter_bit(b'Q
 impl Execution<'_> {
     /// The code of this block, if there is one, whose other reading neither a motion code nor the program before rules out.
     pub(super) fn doubt(&mut self) -> Option<Doubt> {
+        self.show_system();
         let meaning = |group| self.code(group).map(|(meaning, _)| meaning);
-        // System A has none of these.
-        let not_a = meaning(Group::Distance) == Some(Meaning::Distance { absolute: false })
-            || self.code_number(Group::FeedUnit) == Some(950);
         // In system C the units have other codes, and G50 sets no speed.
         let has_axes = self.block.letters & self.table.axis_letters != 0;
         let not_c = matches!(meaning(Group::Units), Some(Meaning::Units { .. })) && !has_axes
             || self.code_number(Group::NonModal) == Some(500);
-        self.state.not_system_a |= not_a;
         self.state.not_system_c |= not_c;
         GROUPS.into_iter().find_map(|group| {
             let word = self.block.code(group)?;
@@ -58,7 +55,7 @@ impl Execution<'_> {
     }
 
     /// The number of a group's code, tenths.
-    fn code_number(&self, group: Group) -> Option<u32> {
+    pub(super) fn code_number(&self, group: Group) -> Option<u32> {
         self.block.code(group).map(|word| self.table.code(word.place).tenths)
     }
 
@@ -92,9 +89,13 @@ impl Execution<'_> {
                 return finding
                     .suggest(format!("write {name} in a block of its own, and the motion code with the axis words"));
             }
-            let finding = finding.suggest(format!(
-                "for a move, write its motion code behind {name}, such as {name} G1, or leave {name} out in G-code system A"
-            ));
+            // Without the unit every length would be another one.
+            let otherwise = match reading.of_system_a {
+                true => format!("leave {name} out in G-code system A"),
+                false => format!("write {name} in a block of its own before this one"),
+            };
+            let finding = finding
+                .suggest(format!("for a move, write its motion code behind {name}, such as {name} G1, or {otherwise}"));
             finding.suggest("for a cycle, write its passes with G0 and G1 (or a thread with G32)").suggest(SYSTEM_CURE)
         });
         true
@@ -125,6 +126,7 @@ impl Execution<'_> {
     pub(super) fn is_doubtful_thread(&mut self, span: SourceSpan) -> bool {
         let is_thread = self.state.motion == Motion::ThreadCycle || self.block.letters & THREAD_LETTERS != 0;
         if is_thread && !self.state.not_system_a || self.settings.g_code_system == Some(GCodeSystem::A) {
+            self.show_by_code(true, Group::NonModal);
             return false;
         }
         self.used = u32::MAX;

@@ -121,7 +121,7 @@ impl Execution<'_> {
     }
 
     /// Whether the cycles are those of a FANUC lathe.
-    fn has_lathe_cycles(&self) -> bool {
+    pub(super) fn has_lathe_cycles(&self) -> bool {
         self.settings.dialect == DialectName::Lathe && self.settings.drilling.style == DrillingStyle::Fanuc
     }
 
@@ -158,6 +158,7 @@ impl Execution<'_> {
         }
         let opens = matches!(self.code(Group::Motion), Some((Meaning::Drill(_), _)));
         let bolts = match self.code(Group::NonModal) {
+        self.show_by_words(axes);
             Some((Meaning::BoltHoles(pattern), span)) => match self.bolts(pattern, span) {
                 Some(bolts) => Some(bolts),
                 None => {
@@ -479,7 +480,7 @@ impl Execution<'_> {
     }
 
     /// Where what is wrong with the cycle is reported, once for all holes of the same words.
-    fn cycle_span(&mut self) -> SourceSpan {
+    pub(super) fn cycle_span(&mut self) -> SourceSpan {
         *self.state.drilling.refused.get_or_insert(self.block.span())
     }
 

@@ -240,7 +240,11 @@ impl Execution<'_> {
     }
 
     fn feed_unit(&mut self) {
-        if let Some((Meaning::Feed(unit), _)) = self.code(Group::FeedUnit)
+        let stated = match self.code(Group::FeedUnit) {
+            Some((Meaning::Feed(unit), _)) => Some(unit),
+            _ => None,
+        };
+        if let Some(unit) = self.feed_or_return().or(stated)
             && (unit != self.state.feed_unit || self.table.dialect.order.feed_mode_clears_feed)
         {
             self.state.feed_unit = unit;

@@ -50,7 +50,14 @@ impl Execution<'_> {
     fn speed_clamp(&mut self) -> Option<SourceSpan> {
         let span = match self.code(Group::NonModal)? {
             (Meaning::SpeedClamp, span) => span,
-            (Meaning::SpeedClampOrThreadCycle, span) if !self.is_thread_block() => span,
+            (Meaning::SpeedClampOrThreadCycle, span) if !self.is_thread_block() => {
+                if self.is_system_a() {
+                    self.clamp_of_other_system(span);
+                    return None;
+                }
+                self.show_by_code(false, Group::NonModal);
+                span
+            }
             _ => return None,
         };
         let axes = self.block.letters & self.table.axis_letters;
@@ -61,6 +68,22 @@ impl Execution<'_> {
             None => {}
         }
         Some(span)
+    }
+
+    /// `G92 S` in G-code system A, whose control cuts threads by it and clamps no speed.
+    #[cold]
+    fn clamp_of_other_system(&mut self, span: SourceSpan) {
+        self.used |= letter_bit(b'S');
+        self.findings.push_with(code::UNKNOWN_CODE, |code| {
+            let message = "G92 without axis words is the speed clamp of G-code systems B and C: in A, where it is G50, \
+                           the control clamps nothing";
+            Finding::new(code, span, message)
+                .suggest("write the clamp of system A, such as G50 S3000; for a thread, write its end in the block")
+                .suggest(
+                    "where the program is written in another system, set language.g_code_system of the machine profile to \
+                     G_CODE_SYSTEM_B or G_CODE_SYSTEM_C",
+                )
+        });
     }
 
     /// `G96`, `G97`; returns the place of the code.

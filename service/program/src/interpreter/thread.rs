@@ -65,6 +65,7 @@ impl Execution<'_> {
     pub(super) fn thread_motion(&mut self) {
         let mut axes = self.block.letters & self.table.axis_letters & !self.used;
         if self.state.motion == Motion::Thread {
+            self.show_system_by_thread();
             // The amplitude.
             axes &= !letter_bit(b'A');
         }

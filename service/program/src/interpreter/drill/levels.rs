@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use super::super::execute::{Execution, MM_PER_INCH};
 use crate::code;
-use crate::dialect::Letter;
+use crate::dialect::{Letter, letter_bit};
 use crate::state::Cycle;
-use crate::{Axis, Finding, GCodeSystem};
+use crate::{Axis, Finding};
 
 /// Levels along the drilling axis.
 pub(super) struct Levels {
@@ -22,6 +22,10 @@ impl Execution<'_> {
     pub(super) fn levels(&mut self, cycle: Cycle, axis: Axis, along: u32) -> Option<Levels> {
         let index = axis.index();
         let start = self.start_level(index);
+        if self.is_cycle_of_open_system(start) {
+            self.used |= along | letter_bit(b'R');
+            return None;
+        }
         let is_said = self.block.word(b'R').is_some() || self.state.drilling.r_level.is_some();
         let r = self.r_level(axis, along, start);
         if r.is_none() {
@@ -163,13 +167,5 @@ impl Execution<'_> {
                 .suggest(cure)
         });
         None
-    }
-
-    /// Whether a lathe reads `R` of its cycles as a distance whatever the distance mode.
-    fn is_system_a(&self) -> bool {
-        match self.settings.g_code_system {
-            Some(system) => system == GCodeSystem::A,
-            None => !self.state.not_system_a,
-        }
     }
 }

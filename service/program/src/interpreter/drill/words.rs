@@ -119,7 +119,7 @@ impl Execution<'_> {
     }
 
     /// The code that is in force, as written.
-    pub(super) fn cycle_name(&self) -> &'static str {
+    pub(in super::super) fn cycle_name(&self) -> &'static str {
         self.state.drilling.cycle.map_or("the cycle", Cycle::name)
     }
 

@@ -17,6 +17,7 @@ impl Execution<'_> {
         if self.state.machine.keeps_length && frame == Frame::Work && axes & letter_bit(b'Z') != 0 {
             self.check_kept_length();
         }
+        self.show_by_words(axes);
         let more = self.state.coords.due.is_some().then(|| self.take_up_due(axes, frame));
         let coords = &self.state.coords;
         let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;

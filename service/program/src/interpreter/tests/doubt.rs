@@ -1,6 +1,7 @@
 //! Codes that are a cycle on one control and a mode on another: never a move on a guess.
 
 use super::*;
+use crate::GCodeSystem;
 
 const GO: &str = "M3 S500\nG0 X50. Z2.\n";
 
@@ -91,4 +92,111 @@ fn the_end_of_a_cycle_with_axis_words() {
         check(&settings, "G0 X1\nG80 X5\nG80\nG0 X2", "rapid 0 -> X1\nrapid X5 -> X2\n! 2:1+3 PRG-CODE-AMBIGUOUS");
         check(&settings, "G80 G0 X5\nG0 G80 X6", "rapid 0 -> X5\nrapid X5 -> X6");
     }
+}
+
+/// The units of a lathe change every length, so that leaving their code out is no cure.
+#[test]
+fn the_cure_of_a_unit_keeps_the_unit() {
+    let cures = |block: &str| {
+        let (_, findings) = interpret(format!("{GO}{block}\nM30\n").as_bytes(), lathe());
+        findings.findings()[0].suggestions[0].message.clone()
+    };
+    for code in ["G20", "G21"] {
+        let cure = format!(
+            "for a move, write its motion code behind {code}, such as {code} G1, or write {code} in a block of its own before this one"
+        );
+        assert_eq!(cures(&format!("{code} X1. Z.5")), cure);
+    }
+    assert!(cures("G90 X45. Z-30.").ends_with("or leave G90 out in G-code system A"));
+}
+
+/// What one system reads otherwise is carried out once a code has shown the system, and refused as long as none has.
+#[test]
+fn return_levels_once_a_code_rules_out_system_a() {
+    let b = LanguageSettings { g_code_system: Some(GCodeSystem::B), ..lathe() };
+    for holes in [
+        "G95\nG99 G85 Z-20. R1. F.1\nG80",
+        "G95\nG98 G85 Z-20. R1. F.1\nG80",
+        "G91 G1 Z-1. F.2\nG90\nG94\nG99 G85 Z-20. R0 F100\nG80",
+        "G90 G95 G99 G1 X40. F.2",
+        "G95 G98 G1 X40. F.2",
+    ] {
+        let program = format!("{GO}{holes}\nM30\n");
+        let found = render(program.clone(), &lathe());
+        assert!(!found.contains("PRG"), "{found}");
+        assert_eq!(found, render(program, &b), "{holes}");
+    }
+}
+
+#[test]
+fn the_words_of_system_a_are_refused_once_a_code_rules_it_out() {
+    for (word, span) in [
+        ("G1 U-5. F.2", "4:4+4"),
+        ("G28 U0 W0", "4:5+2"),
+        ("G50 S800", "4:1+3"),
+        ("G32 Z-5. F2.", "4:1+3"),
+        ("G0 H90.", "4:4+4"),
+    ] {
+        for code in ["G95", "G91 G0 X1."] {
+            let found = render(format!("{GO}{code}\n{word}\nM30\n"), &lathe());
+            assert!(found.contains(&format!("! {span} PRG-CODE-AMBIGUOUS")), "{code} {word}: {found}");
+        }
+        // And the codes of the others behind them.
+        let found = render(format!("{GO}{word}\nG95\nM30\n"), &lathe());
+        assert!(found.contains("! 4:1+3 PRG-CODE-AMBIGUOUS"), "{word}: {found}");
+    }
+    // A feed mode of A that was none.
+    after_go("G98 F100 G1 X40.\nG91", "line X25 Z2 -> X20 Z2 @100/min\n! 4:1+3 PRG-CODE-AMBIGUOUS");
+    after_go("G99 F.1 G1 X40.\nG91", "line X25 Z2 -> X20 Z2 @0.1/rev");
+    // Of a Haas lathe the system is known.
+    let haas = LanguageSettings {
+        drilling: crate::DrillingSettings { style: crate::DrillingStyle::Haas, ..lathe().drilling },
+        ..lathe()
+    };
+    check(
+        &haas,
+        "M3 S500 G98 F100 G1 X40.\nG99 U-2. F.1",
+        "spindle cw 500\nline 0 -> X20 @100/min\nline X20 -> X19 @0.1/rev",
+    );
+}
+
+#[test]
+fn levels_of_drilling_cycles_are_refused_while_the_system_is_open() {
+    for (block, length) in [("G85 Z-20. R-1. F.1", 18), ("G85 Z-20. R3. F.1", 17), ("G85 Z-20. F.1", 13)] {
+        after_go(&format!("{block}\nG80"), &format!("! 3:1+{length} PRG-CODE-AMBIGUOUS"));
+    }
+    // From zero the distance and the level are the same, but not behind G99.
+    let found = render(format!("{GO}G0 Z0\nG85 Z-20. R-1. F.1\nG80\nM30\n"), &lathe());
+    assert!(found.contains("Z-1") && !found.contains("PRG"), "{found}");
+    let found = render(format!("{GO}G99\nG0 Z0\nG85 Z-20. R-1. F.1\nG80\nM30\n"), &lathe());
+    assert!(found.contains("! 5:1+18 PRG-CODE-AMBIGUOUS"), "{found}");
+    // Where the program has shown A.
+    let a = LanguageSettings { g_code_system: Some(GCodeSystem::A), ..lathe() };
+    let program = "G50 S900\nG99 M3 S500\nG0 X50. Z2.\nG85 Z-20. R-1. F.1\nG80\nM30\n";
+    let found = render(program.to_owned(), &lathe());
+    assert!(!found.contains("PRG"), "{found}");
+    assert_eq!(found, render(program.to_owned(), &a));
+}
+
+#[test]
+fn a_thread_in_one_line_may_be_a_groove_of_system_c() {
+    after_go("G76 X30. Z-20. I2. K3. D.2 F.1", "! 3:1+3 PRG-CODE-AMBIGUOUS");
+    for certain in [" P1", " A60."] {
+        let found = render(format!("{GO}G76 X30. Z-20. K.9 D.2 F2.{certain}\nM30\n"), &lathe());
+        assert!(!found.contains("AMBIGUOUS") && found.contains("thread"), "{found}");
+    }
+    let found = render(format!("G50 S900\n{GO}G76 X30. Z-20. K.9 D.2 F2.\nM30\n"), &lathe());
+    assert!(!found.contains("AMBIGUOUS") && found.contains("thread"), "{found}");
+}
+
+/// The threading cycle of system A clamps nothing.
+#[test]
+fn a_clamp_of_systems_b_and_c_is_refused_in_a() {
+    let a = LanguageSettings { g_code_system: Some(GCodeSystem::A), ..lathe() };
+    check(
+        &a,
+        "G92 S1500\nG96 S200 M3",
+        "spindle cw 200 m/min max inf\n! 1:1+3 PRG-UNKNOWN-CODE\nw 2:1+3 PRG-SPEED-CLAMP-MISSING",
+    );
+    check(&lathe(), "G50 S900\nG92 S1500", "! 2:1+3 PRG-UNKNOWN-CODE");
 }

@@ -28,7 +28,8 @@ fn haas() -> LanguageSettings {
 }
 
 fn turning(lathe_peck: Option<PeckReturn>) -> LanguageSettings {
-    LanguageSettings { drilling: DrillingSettings { lathe_peck, ..stated().drilling }, ..lathe() }
+    let drilling = DrillingSettings { lathe_peck, ..stated().drilling };
+    LanguageSettings { drilling, g_code_system: Some(crate::GCodeSystem::A), ..lathe() }
 }
 
 /// What comes of `program` behind `go`, which moves the tool to Z 10 without a finding.

@@ -52,11 +52,13 @@ fn block_delete() {
 fn diameters_radii_and_incremental_words() {
     check(
         &lathe(),
-        "G0 X20. Z5.\nU2. W-1.\nG91 X2. Z1.\nG90 X20. W1.",
-        "rapid 0 -> X10 Z5
-         rapid X10 Z5 -> X11 Z4
-         rapid X11 Z4 -> X12 Z5
-         rapid X12 Z5 -> X10 Z6",
+        "G0 X20. Z5.\nU2. W-1.\nX20. W1.",
+        "rapid 0 -> X10 Z5\nrapid X10 Z5 -> X11 Z4\nrapid X11 Z4 -> X10 Z5",
+    );
+    check(
+        &lathe(),
+        "G0 X20. Z5.\nG91 X2. Z1.\nG90 X20.",
+        "rapid 0 -> X10 Z5\nrapid X10 Z5 -> X11 Z6\nrapid X11 Z6 -> X10 Z6",
     );
     let radius = LanguageSettings { x_word: XWord::Radius, ..lathe() };
     check(&radius, "G0 X20. U-5.", "! 1:4+4 PRG-WORD-CONFLICT");
@@ -232,11 +234,12 @@ fn spindle() {
     );
     check(
         &lathe(),
-        "G50 S2500\nG96 S180 M3\nG97 S600\nG92 S3000\nG96",
+        "G50 S2500\nG96 S180 M3\nG97 S600\nG50 S3000\nG96",
         "spindle cw 180 m/min max 2500
          spindle cw 600
          spindle cw 180 m/min max 3000",
     );
+    check(&lathe(), "G92 S2500\nG96 S180 M3", "spindle cw 180 m/min max 2500");
     check(
         &lathe(),
         "G20 G96 S100 M3\nG97",

@@ -78,10 +78,10 @@ fn g92_taper_inside_and_clamp() {
          rapid X8.5 Z-20 -> X10 Z-20
          rapid X10 Z-20 -> X10 Z5",
     );
-    // A bore; the block before it is the speed clamp, not a cycle.
+    // A bore; the block before it is the speed clamp.
     check(
         &lathe(),
-        &format!("{GO}G92 S2000\nG92 U2. W-25. F2."),
+        &format!("{GO}G50 S2000\nG92 U2. W-25. F2."),
         "spindle cw 500
          rapid 0 -> X10 Z5
          rapid X10 Z5 -> X11 Z5
@@ -361,13 +361,13 @@ fn cycles_of_too_many_passes_are_refused_with_a_depth_that_does() {
 
 #[test]
 fn spindles_and_modes_of_cycles() {
-    refused("M5\nG76 X18. Z-5. K.9 D200 F2.\nG92 X18. Z-5. F2.", "spindle off 500\n! 4:1+26 PRG-SPINDLE-STOPPED");
+    refused("M5\nG76 X18. Z-5. K.9 D200 F2. P1\nG92 X18. Z-5. F2.", "spindle off 500\n! 4:1+29 PRG-SPINDLE-STOPPED");
     refused(
         "G50 S900\nG96 S100\nG92 X18. Z-5. F2.\nX17.",
         "spindle cw 100 m/min max 900\n! 5:1+17 PRG-THREAD-SURFACE-SPEED",
     );
     // The motion before a G76 goes on behind it; the lead stays for the next thread and is no feed.
-    let found = after_go(&lathe(), "G76 X18. Z-5. K.9 D.9 F2.\nX30.\nG92 X18. Z-5.\nG1 X17.");
+    let found = after_go(&lathe(), "G76 X18. Z-5. K.9 D.9 F2. P1\nX30.\nG92 X18. Z-5.\nG1 X17.");
     assert_eq!(found[found.len() - 1], "! 6:1+7 PRG-FEED-MISSING");
     assert!(found.contains(&"rapid X10 Z5 -> X15 Z5".to_owned()), "{found:?}");
     assert!(found.contains(&"thread X9 Z5 -> X9 Z-5 @2".to_owned()), "{found:?}");

@@ -60,7 +60,7 @@ fn diameters_radii_increments_and_inches() {
     let go = "M3 S100 G0 X20. Z5.\n";
     check(
         &lathe(),
-        &format!("{go}G32 W-10. F1.5 A.4\nU2. W-1.\nG91 Z-2."),
+        &format!("{go}G32 W-10. F1.5 A.4\nU2. W-1.\nW-2."),
         "spindle cw 100
          rapid 0 -> X10 Z5
          thread X10 Z5 -> X10 Z-5 @1.5 amplitude 0.2

@@ -12,6 +12,7 @@
 
 use core::ops::RangeInclusive;
 
+use super::super::doubt::SYSTEM_CURE;
 use super::super::execute::Execution;
 use super::super::motion::Frame;
 use super::Cut;
@@ -20,7 +21,7 @@ use super::words::AMOUNTS_MM;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{CycleModes, Motion};
-use crate::{Axis, Finding, Function, PullOut};
+use crate::{Axis, DialectName, Finding, Function, PullOut};
 
 /// Tapers, mm on the radius.
 const TAPERS_MM: RangeInclusive<f64> = -1_000.0..=1_000.0;
@@ -170,6 +171,9 @@ impl Execution<'_> {
             });
         }
         // LinuxCNC knows its own form only.
+        if self.is_groove_of_system_c(letters) {
+            return;
+        }
         match Form::of(letters).filter(|form| self.table.dialect.f_is_lead || *form == Form::DriveLine) {
             Some(Form::Modes) => self.cycle_modes(),
             Some(Form::TwoLines) => self.two_line_cycle(),
@@ -187,6 +191,35 @@ impl Execution<'_> {
                 });
             }
         }
+    }
+
+    /// Whether a `G76` may be the grooving cycle along Z of G-code system C, where neither the profile nor the program says which it
+    /// is; it is then reported.
+    fn is_groove_of_system_c(&mut self, letters: u32) -> bool {
+        if self.settings.dialect != DialectName::Lathe || self.settings.g_code_system.is_some() {
+            return false;
+        }
+        let has = |text: &[u8]| text.iter().any(|&letter| letters & letter_bit(letter) != 0);
+        // In C the first line has R alone, and one line no kind of infeed and no angle. A second line follows its first.
+        let is_certain = match Form::of(letters) {
+            Some(Form::Modes) => has(b"PQ") || !has(b"R"),
+            Some(Form::OneLine) => has(b"APQ"),
+            Some(Form::TwoLines | Form::DriveLine) | None => true,
+        };
+        self.state.not_system_c |= has(b"PQA") && is_certain && Form::of(letters) != Some(Form::TwoLines);
+        if is_certain || self.state.not_system_c || self.is_system_a() {
+            return false;
+        }
+        self.used |= letters;
+        let Some((_, span)) = self.code(Group::Motion) else { return true };
+        self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
+            let message =
+                "with these words the code is a thread in G-code systems A and B, and the grooving cycle along Z in C";
+            Finding::new(code, span, message)
+                .suggest("for a thread in one line, write its kind of infeed as well, such as P1")
+                .suggest(SYSTEM_CURE)
+        });
+        true
     }
 
     /// `G76 P(m)(r)(a) Q R`

@@ -80,7 +80,7 @@ fn a_haas_lathe_drills_as_a_mill() {
 
 #[test]
 fn the_bottom_may_come_in_a_later_block() {
-    let a = LanguageSettings { g_code_system: Some(crate::GCodeSystem::A), ..turning(Some(PeckReturn::RLevel)) };
+    let a = turning(Some(PeckReturn::RLevel));
     let path = |program: &str| render(format!("G98 M3 S500\nG0 Z5.\n{program}\nM30\n"), &a);
     let one = path("G83 Z-10. R-3. Q5000 F50\nG80");
     assert!(!one.contains("PRG-CYCLE") && one.contains("line Z2 -> Z-3 @50/min"), "{one}");
@@ -94,7 +94,7 @@ fn the_bottom_may_come_in_a_later_block() {
 
 #[test]
 fn r_that_is_meant_as_a_level_is_told_as_a_distance() {
-    let a = LanguageSettings { g_code_system: Some(crate::GCodeSystem::A), ..turning(Some(PeckReturn::RLevel)) };
+    let a = turning(Some(PeckReturn::RLevel));
     let cure = |program: &str, settings: &LanguageSettings| {
         let (_, findings) = interpret(format!("{program}\nM30\n").as_bytes(), settings.clone());
         let found = findings.findings().iter().find(|it| it.code.name() == "PRG-CYCLE-LEVEL");
