@@ -355,6 +355,7 @@ impl Interpreter {
             corners: &mut self.corners,
             commas_used: false,
             doubt: None,
+            clamps: Vec::new(),
         })
     }
 

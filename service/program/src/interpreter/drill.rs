@@ -125,6 +125,15 @@ impl Execution<'_> {
         self.settings.dialect == DialectName::Lathe && self.settings.drilling.style == DrillingStyle::Fanuc
     }
 
+    /// Whether the block belongs to a drilling cycle of a FANUC lathe.
+    pub(super) fn is_lathe_cycle_block(&self) -> bool {
+        let is_in_force = match self.code(Group::Motion) {
+            Some((meaning, _)) => matches!(meaning, Meaning::Drill(_)),
+            None => self.state.drilling.cycle.is_some() && self.block.code(Group::Cycle).is_none(),
+        };
+        is_in_force && self.has_lathe_cycles()
+    }
+
     /// The code of a cycle.
     pub(super) fn enter_cycle(&mut self, cycle: Cycle) {
         let keeps_words = !self.is_linuxcnc();
@@ -149,6 +158,7 @@ impl Execution<'_> {
             self.state.position = self.target(axes & !self.letters_of(self.state.plane.normal()), Frame::Work);
             return;
         }
+        self.show_by_words(axes);
         if frame == Frame::Machine {
             return self.refuse_cycle(
                 code::MACHINE_MOTION,
@@ -158,7 +168,6 @@ impl Execution<'_> {
         }
         let opens = matches!(self.code(Group::Motion), Some((Meaning::Drill(_), _)));
         let bolts = match self.code(Group::NonModal) {
-        self.show_by_words(axes);
             Some((Meaning::BoltHoles(pattern), span)) => match self.bolts(pattern, span) {
                 Some(bolts) => Some(bolts),
                 None => {
@@ -399,6 +408,7 @@ impl Execution<'_> {
             self.name_cycle();
             self.state.position = up;
         }
+        let clamps = std::mem::take(&mut self.clamps);
         let mut at = hole.at;
         for number in 0..hole.repeats {
             if let Some(pattern) = &hole.pattern {
@@ -416,6 +426,7 @@ impl Execution<'_> {
             }
             at[axis] = level;
             self.drill_to(MoveKind::Rapid, at, Feed::PerMinute(0.0));
+            self.clamp(&clamps);
             self.rapid_along(hole, hole.r);
             self.cut_hole(hole, direction);
         }

@@ -8,8 +8,8 @@ use crate::dialect::{CodeTable, FeedUnit, Group, MachineStep, Meaning, letter_bi
 use crate::expression::whole_near;
 use crate::state::{InterpreterState, Phase};
 use crate::{
-    DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, LanguageSettings, Operation, OperationKind,
-    SourceSpan, ToolOffset, XWord,
+    DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, LanguageSettings, MachineCommand, Operation,
+    OperationKind, SourceSpan, ToolOffset, XWord,
 };
 
 /// One inch in mm, by definition.
@@ -55,6 +55,8 @@ pub(super) struct Execution<'a> {
     pub(super) commas_used: bool,
     /// A code that another control reads as a cycle.
     pub(super) doubt: Option<Doubt>,
+    /// M codes of a lathe's drilling cycle, for the place of each of its holes.
+    pub(super) clamps: Vec<(SourceSpan, MachineCommand)>,
 }
 
 impl Execution<'_> {
@@ -135,6 +137,9 @@ impl Execution<'_> {
         if !unit_first {
             self.units();
         }
+        if !machine.is_empty() && self.is_lathe_cycle_block() {
+            self.keep_clamps(&mut machine);
+        }
         self.machine_step(&mut machine, MachineStep::Before);
         self.dwell();
         self.check_compensated_block();
@@ -146,6 +151,11 @@ impl Execution<'_> {
         self.drilling_modes();
         self.coordinates();
         self.motion();
+        if !self.clamps.is_empty() {
+            // No hole has taken them.
+            let clamps = std::mem::take(&mut self.clamps);
+            self.clamp(&clamps);
+        }
         if order.stops_after_motion {
             self.spindle_stop();
             self.coolant(true);

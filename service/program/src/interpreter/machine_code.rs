@@ -94,6 +94,27 @@ impl Execution<'_> {
         }
     }
 
+    /// Keeps the M codes of a block with a lathe's drilling cycle for its holes: they clamp the C axis, which first has to turn there.
+    #[cold]
+    pub(super) fn keep_clamps(&mut self, pending: &mut Vec<Pending>) {
+        let is_clamp = |code: &mut Pending| {
+            code.word.rule.step == MachineStep::Before && code.word.rule.action == MachineAction::Pass
+        };
+        for code in pending.extract_if(.., is_clamp) {
+            let MachineWord { rule, span, .. } = code.word;
+            self.state.machine.overrides.switch(rule.number, code.value('P'));
+            let command = MachineCommand { number: rule.number, effect: rule.effect, words: code.words };
+            self.clamps.push((span, command));
+        }
+    }
+
+    /// Hands them on.
+    pub(super) fn clamp(&mut self, clamps: &[(SourceSpan, MachineCommand)]) {
+        for (span, command) in clamps {
+            self.emit(*span, OperationKind::MachineCode(command.clone()));
+        }
+    }
+
     /// `M6`. In LinuxCNC it stops the spindle, and the tool stays selected; without any, the spindle is left empty.
     pub(super) fn change_tool(&mut self, span: SourceSpan) {
         let keeps = self.table.dialect.tool_stays_selected;

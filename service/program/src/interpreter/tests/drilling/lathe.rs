@@ -114,3 +114,27 @@ fn r_that_is_meant_as_a_level_is_told_as_a_distance() {
     // R7 is no level that the tool is above.
     assert!(!cure("M3 S500\nG0 Z5.\nG83 Z-10. R7. Q5000 F.1", &a).contains("counts"));
 }
+
+/// The M code of a cycle clamps the C axis, which turns to the hole first.
+#[test]
+fn an_m_code_of_a_cycle_clamps_behind_the_positioning_of_each_hole() {
+    let clamp = crate::MachineCode {
+        number: 31,
+        effect: crate::MachineEffect::None,
+        timing: crate::MachineTiming::default(),
+        words: String::new(),
+    };
+    let settings = LanguageSettings { machine_codes: vec![clamp], ..turning(None) };
+    let found = render(
+        "M3 S500\nG0 X50. Z2.\nG85 X20. C30. Z-20. R-1. F.1 M31\nC90. M31\nH30. K2 M31\nG80 M31\nM30\n".to_owned(),
+        &settings,
+    );
+    assert!(!found.contains("PRG"), "{found}");
+    let lines: Vec<_> = found.lines().collect();
+    let clamps: Vec<_> = lines.iter().enumerate().filter(|(_, line)| line.contains("31")).map(|(at, _)| at).collect();
+    assert_eq!(clamps.len(), 5, "{found}");
+    for (at, angle) in clamps.iter().zip(["C30", "C90", "C120", "C150"]) {
+        assert!(lines[at - 1].starts_with("rapid") && lines[at - 1].ends_with(angle), "{found}");
+        assert!(lines[at + 1].contains("-> X10 Z1 "), "{found}");
+    }
+}
