@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::{CallKind, Mark, classify};
 use crate::block::Rest;
 use crate::code;
-use crate::dialect::{Flow, Group};
+use crate::dialect::{Flow, Group, Meaning};
 use crate::interpreter::{Interpreter, LineOutcome};
-use crate::state::Phase;
+use crate::state::{Motion, Phase};
 use crate::{Finding, FindingLog, Operation, OperationKind, SourceSpan};
 
 impl Interpreter {
@@ -179,8 +179,20 @@ impl Interpreter {
         if !self.count_block(moves, span, findings) {
             return self.give_up(span, operations, findings);
         }
-        if moves {
+        if moves || !self.state.flow.modal.is_empty() && self.names_a_place() {
             self.call_modal();
         }
+    }
+
+    /// Whether the block names where a move ends, be it the place where the tool is: controls call a modal macro there, too.
+    fn names_a_place(&self) -> bool {
+        // The axis words of these are none of a move.
+        const OTHERS: [Group; 5] = [Group::Scaling, Group::Rotation, Group::Mirror, Group::Function, Group::MacroCall];
+        let one_block = self.block.code(Group::NonModal).map(|code| self.table.code(code.place).meaning);
+        self.block.letters & self.table.axis_letters != 0
+            && !self.block.unclear
+            && matches!(self.state.motion, Motion::Rapid | Motion::Linear | Motion::Arc { .. })
+            && matches!(one_block, None | Some(Meaning::MachineCoordinates | Meaning::ExactStop))
+            && !OTHERS.into_iter().any(|group| self.block.code(group).is_some())
     }
 }

@@ -161,6 +161,12 @@ fn modal_macros_follow_every_block_that_moves() {
     assert!(!findings.has_errors(), "{findings:#?}");
     let z: Vec<_> = points.iter().map(|point| (point[0], point[2])).collect();
     assert_eq!(z, [(1.0, 0.0), (1.0, 5.0), (1.0, 0.0), (2.0, 0.0), (2.0, 5.0), (2.0, 0.0), (3.0, 0.0)]);
+    // A block that names the place where the tool is, too, unless its axis words are none of a move.
+    let there =
+        "G0 X1\nG66 P1\nX1\nG91 Y0\nG90 G4 X1.\nG52 X0\nG51.1 X0\nG50.1 X0\nM8\nG67\nX1\nM30\nO1\nG91 G0 Z1\nG90\nM99";
+    let (points, findings) = ends(there, &LanguageSettings::mill());
+    assert!(!findings.has_errors(), "{findings:#?}");
+    assert_eq!(points, [[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, 2.0]]);
     let stacked = "G66 P1\nG66 P2\nG0 X1\nG67\nG67\nX9\nM30\nO1\nG91 G0 Z1\nG90\nM99\nO2\nG0 Y2\nM99";
     let (points, findings) = ends(stacked, &LanguageSettings::mill());
     assert!(!findings.has_errors(), "{findings:#?}");
