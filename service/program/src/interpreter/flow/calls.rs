@@ -4,7 +4,7 @@ use super::line::skip_blanks;
 use super::{CallKind, CallRequest, CallTarget, Interpreter, Jump, ModalCall, Pending};
 use crate::code;
 use crate::consequence;
-use crate::dialect::{CodeTable, Flow, Group, Meaning};
+use crate::dialect::{CodeTable, Flow, Group, Meaning, letter_bit};
 use crate::lexer::{Lexer, TokenKind};
 use crate::parameters::LOCALS;
 use crate::{DecimalPointRule, Finding, FindingLog, LanguageSettings, SourceSpan};
@@ -240,6 +240,7 @@ impl Interpreter {
             let said = |letter| self.block.word(letter).map(|word| word.number.value());
             (arguments.program, arguments.repeats) = (said(b'P'), said(b'L'));
         }
+        let mut seen = 0;
         loop {
             at = skip_blanks(line, at);
             let Some(token) = Lexer::new(&line[at..]).next() else { return Some(arguments) };
@@ -251,6 +252,15 @@ impl Interpreter {
             let letter = line[at].to_ascii_uppercase();
             if !letter.is_ascii_alphabetic() {
                 return self.bad_statement(span, "this is no argument of a macro", findings);
+            }
+            // I, J and K come in triples.
+            if seen & letter_bit(letter) != 0 && !matches!(letter, b'I' | b'J' | b'K') {
+                return self.argument_twice(letter, span, findings);
+            }
+            seen |= letter_bit(letter);
+            if !matches!(letter, b'P' | b'L') && local_of(letter) == 0 {
+                let message = format!("{} passes no argument to a macro", char::from(letter));
+                return self.bad_statement(span, &message, findings);
             }
             let (value, end) = self.value(line, at + 1, findings)?;
             let is_written_whole = token.kind == TokenKind::Word && !token.number.has_point();
@@ -268,6 +278,16 @@ impl Interpreter {
             }
             at = end;
         }
+    }
+
+    #[cold]
+    fn argument_twice(&self, letter: u8, span: SourceSpan, findings: &mut FindingLog) -> Option<Arguments> {
+        findings.push_with(code::WORD_DUPLICATE, |code| {
+            let message =
+                format!("{} stands twice in the macro call: which one counts is not said", char::from(letter));
+            Finding::new(code, span, message).suggest("keep one of them; I, J and K alone may repeat")
+        });
+        None
     }
 
     /// The value of an argument: without a decimal point it counts in least increments where the machine's numbers do.

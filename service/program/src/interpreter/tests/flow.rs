@@ -224,6 +224,11 @@ fn what_cannot_be_followed_is_refused_with_its_place() {
         ("M98 P1\nM30\nO1\nG0 X1\n", "PRG-SUBPROGRAM-END"),
         ("M98 P1\nM30\nO1\nM98 P1\nM99", "PRG-CALL-DEPTH"),
         ("G65 P1\nM30\nO1\nG65 P1\nM99", "PRG-CALL-DEPTH"),
+        ("G65 P1 A1. A2.\nM30\nO1\nM99", "PRG-WORD-DUPLICATE"),
+        ("G65 P1 P1 A1.\nM30\nO1\nM99", "PRG-WORD-DUPLICATE"),
+        // Nothing else beside it, such as how the word were written with a point.
+        ("G65 P1 O5 A1.\nM30\nO1\nM99", "PRG-STATEMENT"),
+        ("G65 P1 A1. N6\nM30\nO1\nM99", "PRG-STATEMENT"),
         ("#1=0\nWHILE [#1 LT 5] DO1\nEND1\nM30", "PRG-ENDLESS"),
         ("N1 GOTO 1\nM30", "PRG-ENDLESS"),
         ("IF [1 EQ 1] G1 X5\nM30", "PRG-STATEMENT"),
