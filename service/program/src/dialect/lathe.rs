@@ -186,6 +186,7 @@ const SYSTEM_A: &[Code] = &[
     code(200, Group::Units, INCH),
     code(210, Group::Units, MILLIMETRE),
     code(240, Group::Motion, of_other("the facing cycle", &[C], "A G94")),
+    code(330, Group::Motion, of_other("the thread", &[B, C], "A G32")),
     code(770, Group::Motion, of_other("the turning cycle", &[B], "A G90")),
     code(780, Group::Motion, of_other("the threading cycle", &[B], "A G92")),
     code(790, Group::Motion, of_other("the facing cycle", &[B], "A G94")),
@@ -193,14 +194,15 @@ const SYSTEM_A: &[Code] = &[
     code(910, Group::Distance, of_other("the incremental mode", &[B, C], "A words U and W")),
     code(940, Group::Motion, SINGLE_FACE),
     code(950, Group::FeedUnit, of_other("the feed per revolution", &[B, C], "A G99")),
-];
     code(980, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
     code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
+];
 
 const SYSTEM_B: &[Code] = &[
     code(200, Group::Units, INCH),
     code(210, Group::Units, MILLIMETRE),
     code(240, Group::Motion, of_other("the facing cycle", &[C], "B G79")),
+    code(320, Group::Motion, of_other("the thread", &[A], "B and C G33")),
     code(500, Group::NonModal, of_other("the speed clamp", &[A], "B G92")),
     code(503, Group::NonModal, of_other("the preset of coordinates", &[A], "B and C G92.1")),
     code(770, Group::Motion, SINGLE_TURN),
@@ -218,6 +220,7 @@ const SYSTEM_C: &[Code] = &[
     code(200, Group::Motion, SINGLE_TURN),
     code(210, Group::Motion, Meaning::ThreadCycle),
     code(240, Group::Motion, SINGLE_FACE),
+    code(320, Group::Motion, of_other("the thread", &[A], "B and C G33")),
     code(500, Group::NonModal, of_other("the speed clamp", &[A], "C G92")),
     code(503, Group::NonModal, of_other("the preset of coordinates", &[A], "B and C G92.1")),
     code(700, Group::Units, INCH),

@@ -65,6 +65,19 @@ fn modes_of_system_c() {
     );
 }
 
+/// A control stops at the code of another system, also where both cut the same thread.
+#[test]
+fn threads_have_the_code_of_their_system() {
+    let go = "M3 S500\nG0 X24. Z5.\n";
+    for (system, own, other) in
+        [(GCodeSystem::A, "G32", "G33"), (GCodeSystem::B, "G33", "G32"), (GCodeSystem::C, "G33", "G32")]
+    {
+        let settings = LanguageSettings { g_code_system: Some(system), ..lathe() };
+        assert_eq!(codes(&settings, &format!("{go}{own} Z-10. F1.5")), [""; 0], "{system:?}");
+        assert_eq!(codes(&settings, &format!("{go}{other} Z-10. F1.5")), ["PRG-UNKNOWN-CODE"], "{system:?}");
+    }
+}
+
 #[test]
 fn without_a_system_nothing_is_guessed() {
     let go = "M3 S500\nG0 X50. Z2.\n";
