@@ -69,7 +69,11 @@ impl Ranges {
     /// That there is no parameter of this number.
     #[cold]
     pub(crate) fn unknown(&self, number: u32) -> Refusal {
-        let known = self.rows.iter().map(|(first, last, _)| format!("#{first} to #{last}")).collect::<Vec<_>>();
+        let range = |first: u32, last: u32| match first == last {
+            true => format!("#{first}"),
+            false => format!("#{first} to #{last}"),
+        };
+        let known = self.rows.iter().map(|(first, last, _)| range(*first, *last)).collect::<Vec<_>>();
         Refusal {
             code: code::PARAMETER_NUMBER,
             message: format!("#{number} does not exist; there are {}", known.join(", ")),

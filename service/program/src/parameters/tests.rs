@@ -120,3 +120,9 @@ fn names_of_initial_values() {
         assert_eq!(InitialParameters::name_problem(name).is_none(), ok, "{name}");
     }
 }
+
+#[test]
+fn a_range_of_one_number_is_that_number() {
+    let message = FANUC.unknown(99_999).message;
+    assert!(message.starts_with("#99999 does not exist; there are #0, #1 to #33,"), "{message}");
+}

@@ -143,9 +143,15 @@ impl Execution<'_> {
                 )
             } else {
                 (
-                    format!(
-                        "the tool is at {here}, below the R level {r} of {name}: the control would go to the hole there"
-                    ),
+                    if up < 0.0 && (r - here) * (bottom - here) < 0.0 {
+                        format!(
+                            "the R level {r} and the bottom {bottom} of {name} are on different sides of the tool, which is at {here}"
+                        )
+                    } else {
+                        format!(
+                            "the tool is at {here}, below the R level {r} of {name}: the control would go to the hole there"
+                        )
+                    },
                     // Written as a level, as mills and Haas lathes have it.
                     if is_distance && up * (start - (r - start)) >= 0.0 {
                         let distance = (r - start - start) / unit_mm;

@@ -115,6 +115,13 @@ fn r_that_is_meant_as_a_level_is_told_as_a_distance() {
     assert!(!cure("M3 S500\nG0 Z5.\nG83 Z-10. R7. Q5000 F.1", &a).contains("counts"));
 }
 
+#[test]
+fn a_tool_between_r_and_bottom_is_told_so() {
+    let (_, findings) = interpret(b"M3 S500\nG0 X0 Z2.\nG83 Z10. R-1. F.1\nM30\n", turning(None));
+    let message = &findings.findings()[0].message;
+    assert_eq!(message, "the R level 1 and the bottom 10 of G83 are on different sides of the tool, which is at 2");
+}
+
 /// The M code of a cycle clamps the C axis, which turns to the hole first.
 #[test]
 fn an_m_code_of_a_cycle_clamps_behind_the_positioning_of_each_hole() {
