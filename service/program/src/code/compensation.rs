@@ -119,7 +119,7 @@ crate::finding_codes! {
 
     "PRG-COMP-GOUGE" [COMP_GOUGE: Warning, COMP_GOUGE_LINK: Info] {
         meaning: "the compensated tool cuts into another block of the contour: a warning on the contour, an information on \
-              its entry and exit, and over arcs that lead to it",
+              its entry and exit, and over arcs there that are tangent to it",
         cause: "The contour comes back to itself nearer than the tool is wide, within the last 64 blocks; or the tool starts or \
               ends too near to it.",
         cure: "Use a smaller tool, or start and end beside the contour, at right angles to it.",

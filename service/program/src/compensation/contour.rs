@@ -6,7 +6,7 @@ use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use ends::is_lead;
+use ends::{is_lead, is_smooth};
 
 use super::geometry::{Circle, Curve, Point, Side, angle_between, dot, minus, plus};
 use super::joint::{Corner, Joint, Meeting};
@@ -60,6 +60,8 @@ struct Pending {
     /// After an error: it is not judged any more.
     is_broken: bool,
     place: Place,
+    /// The block before it is the entry, or goes over into it without a corner.
+    is_smooth: bool,
 }
 
 /// A contour in work: what of it is not handed on yet.
@@ -74,6 +76,8 @@ pub(super) struct Contour {
     /// Where the tool is, along the axes of the plane.
     at: Point,
     pending: Option<Pending>,
+    /// Behind the pending block the tool is lifted or comes down rapidly: what follows does not meet it.
+    is_elsewhere: bool,
     /// What follows the pending block without motion in the plane.
     waiting: Vec<Operation>,
     idle_blocks: u32,
@@ -113,6 +117,7 @@ impl Contour {
             displacement,
             at: [0.0; 2],
             pending: None,
+            is_elsewhere: false,
             waiting: Vec::new(),
             idle_blocks: 0,
             idle_line: (0, 0),
@@ -197,6 +202,7 @@ impl Contour {
                 if step.kind == MoveKind::Rapid {
                     // The tool is lifted or comes down: what follows is cut elsewhere.
                     self.window.clear();
+                    self.is_elsewhere = self.pending.is_some();
                 }
                 self.wait(Operation { span, kind: OperationKind::Move(step) }, sink);
                 false
@@ -275,6 +281,8 @@ impl Contour {
             report::arc_too_small(span, curve.radius(), side.radius, sink.findings);
         }
         let is_first = self.pending.as_ref().is_some_and(|pending| pending.is_entry);
+        let goes_on = |pending: &Pending| is_smooth(&pending.block.curve, &curve);
+        let is_smooth = is_first || self.pending.as_ref().is_some_and(goes_on);
         let (joint, turn_rad) = match self.pending.take() {
             // Where they do not meet, a block that was refused is missing between them.
             Some(pending) if is_same(pending.block.curve.to, curve.from) => self.join(pending, &block, is_broken, sink),
@@ -284,16 +292,25 @@ impl Contour {
                 (Joint::at(plus(curve.from, side.offset(curve.start_tangent()))), 0.0)
             }
         };
-        let is_link = block.step.kind == MoveKind::Rapid || is_first && is_lead(&curve);
-        let place = self.window.advance(&curve, turn_rad).linking(is_link);
+        let place = self.window.advance(&curve, turn_rad).moving(block.step.kind == MoveKind::Rapid);
+        // Until the block behind it shows whether it leads there.
+        let place = place.linking(is_first && is_lead(&curve));
         self.corner(&joint, &block, place, sink);
         let lost_rad = joint.lost_rad[1];
-        self.pending =
-            Some(Pending { block, from: joint.start, lost_rad, is_entry: false, is_beside: false, is_broken, place });
+        self.pending = Some(Pending {
+            block,
+            from: joint.start,
+            lost_rad,
+            is_entry: false,
+            is_beside: false,
+            is_broken,
+            place,
+            is_smooth,
+        });
     }
 
     /// Joins the pending block to the next; how the direction changes there, rad.
-    fn join(&mut self, pending: Pending, next: &Block, is_broken: bool, sink: &mut Sink) -> (Joint, f64) {
+    fn join(&mut self, mut pending: Pending, next: &Block, is_broken: bool, sink: &mut Sink) -> (Joint, f64) {
         let is_rapid = next.step.kind == MoveKind::Rapid;
         let meeting = Meeting::new(self.side(), &pending.block.curve, &next.curve, is_rapid);
         let joint = if is_broken || pending.is_broken {
@@ -308,6 +325,9 @@ impl Contour {
         };
         report::overcut(self.span, next.span, joint.overcut, sink.findings);
         let turn_rad = if pending.is_entry { 0.0 } else { meeting.heading_rad() };
+        if !pending.is_entry && !is_smooth(&pending.block.curve, &next.curve) {
+            pending.place = pending.place.as_wall();
+        }
         self.hand_on(pending, &joint, sink);
         (joint, turn_rad)
     }
@@ -341,6 +361,9 @@ impl Contour {
         } else if !is_broken {
             let gouges = self.window.pass(path, self.mode.radius_mm, place, span.line, is_last);
             report::gouges(span, gouges, sink.findings);
+        }
+        if std::mem::take(&mut self.is_elsewhere) {
+            self.window.clear();
         }
         step.arc = path.circle.map(|circle| self.geometry(&circle));
         let target = plus(to, self.mode.reference_mm);

@@ -39,15 +39,27 @@ pub(super) struct Place {
     newest: u64,
     /// It leads to the contour or away from it.
     is_link: bool,
+    /// A rapid move: no wall, but what it cuts into is one.
+    is_rapid: bool,
 }
 
 impl Place {
     /// The entry to a contour or the exit from it, which can cut into every block.
-    pub(super) const LINK: Self = Self { block: 0, newest: u64::MAX, is_link: true };
+    pub(super) const LINK: Self = Self { block: 0, newest: u64::MAX, is_link: true, is_rapid: false };
 
     /// The same, leading to a contour or away from it where that is so.
     pub(super) const fn linking(self, is_link: bool) -> Self {
         Self { is_link: self.is_link || is_link, ..self }
+    }
+
+    /// The same, of a rapid move where it is one.
+    pub(super) const fn moving(self, is_rapid: bool) -> Self {
+        Self { is_rapid, ..self }
+    }
+
+    /// The same as a wall of the part.
+    pub(super) const fn as_wall(self) -> Self {
+        Self { is_link: false, ..self }
     }
 
     /// The corner before the block, which the block itself may bend into.
@@ -174,7 +186,7 @@ impl Window {
             least = least.min(passed.headings[0]);
             most = most.max(passed.headings[1]);
         }
-        Place { block: self.block, newest, is_link: false }
+        Place { block: self.block, newest, is_link: false, is_rapid: false }
     }
 
     /// The tool passes along a curve: the worst cut into what was passed before. `is_last` for the path of the last block, which has
@@ -244,7 +256,7 @@ fn cut(path: &Passed, block: &Passed, radius: f64) -> Option<Gouge> {
     }
     let depth_mm = radius - distance::between(&path.curve, &block.curve);
     let rounding = path.curve.radius_error() + block.curve.radius_error();
-    let on = match (path.place.is_link, block.place.is_link) {
+    let on = match (path.place.is_link, block.place.is_link || block.place.is_rapid) {
         (true, _) => Cut::Link,
         (false, true) => Cut::Lead,
         (false, false) => Cut::Contour,

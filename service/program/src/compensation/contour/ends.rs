@@ -55,13 +55,23 @@ impl Contour {
             // The reference point moves along an arc only once it is beside the centre of the nose.
             self.piece(&block, from, None, sink);
         }
-        self.pending = Some(Pending { block, from, lost_rad: 0.0, is_entry: !is_beside, is_beside, is_broken, place });
+        self.pending = Some(Pending {
+            block,
+            from,
+            lost_rad: 0.0,
+            is_entry: !is_beside,
+            is_beside,
+            is_broken,
+            place,
+            is_smooth: true,
+        });
     }
 
     /// `G40`: whether the tool is on the programmed path.
     pub(in super::super) fn leave(&mut self, span: SourceSpan, sink: &mut Sink) -> bool {
         if let Some(pending) = &mut self.pending
             && is_lead(&pending.block.curve)
+            && pending.is_smooth
         {
             pending.place = pending.place.linking(true);
         }
@@ -148,8 +158,22 @@ impl Contour {
     }
 }
 
-/// Whether a block next to the entry or the exit of a contour leads to it or away from it: an arc of less than half a turn, which
-/// most programs have there so that the tool leaves no mark. It is no wall of the part.
+/// A change of direction below this is none: of arcs whose words are rounded, rad.
+const SMOOTH_RAD: f64 = 0.02;
+
+/// Whether a block goes on in the direction of the one before it, and not as another part of the same circle: an arc that leads to a
+/// contour does.
+pub(super) fn is_smooth(before: &Curve, next: &Curve) -> bool {
+    let is_one_circle = match (&before.circle, &next.circle) {
+        (Some(one), Some(other)) => distance(one.center, other.center) <= SMOOTH_RAD * next.radius(),
+        _ => false,
+    };
+    dot(before.end_tangent(), next.start_tangent()) >= libm::cos(SMOOTH_RAD) && !is_one_circle
+}
+
+/// Whether a block next to the entry or the exit of a contour may lead to it or away from it: an arc of less than half a turn, which
+/// most programs have there so that the tool leaves no mark. It is no wall of the part where it is tangent to the contour; an arc
+/// that meets the next block in a corner is one.
 pub(super) fn is_lead(curve: &Curve) -> bool {
     curve.circle.is_some_and(|circle| circle.sweep_rad.abs() < PI - ROUNDING)
 }

@@ -454,6 +454,42 @@ fn arcs_that_lead_to_a_contour_and_away_from_it_are_no_walls() {
     assert!(found(slot).iter().any(|(_, severity)| *severity != Severity::Info), "{:?}", found(slot));
 }
 
+/// What the tool cuts into on its way along the contour is a warning, also beside an arc that is its first or last block and meets
+/// the others in a corner.
+#[test]
+fn an_arc_that_meets_the_contour_in_a_corner_is_a_wall() {
+    let severities = |program: &str| {
+        let findings = found(program);
+        let gouges = findings.iter().filter(|(code, _)| *code == "PRG-COMP-GOUGE");
+        gouges.map(|(_, severity)| *severity).collect::<Vec<_>>()
+    };
+    for contour in [
+        "G3 X20. Y20. I0 J20.\nG1 X7.\nY4.\nG40 G1 X12. Y12.",
+        // The same arc as two.
+        "G3 X14.142 Y5.858 I0 J20.\nG3 X20. Y20. I-14.142 J14.142\nG1 X7.\nY4.\nG40 G1 X12. Y12.",
+    ] {
+        let found = severities(&format!("G0 X-20. Y0\nG41 D1 G1 X0 Y0 F300\n{contour}"));
+        assert!(found.contains(&Severity::Warning), "{contour}: {found:?}");
+    }
+    // Likewise on the other side, and the other way round: at the end of the contour.
+    for program in [
+        "G0 X-20. Y0\nG42 D1 G1 X0 Y0 F300\nG2 X20. Y-20. I0 J-20.\nG1 X7.\nY-4.\nG40 G1 X12. Y-12.",
+        "G0 X12. Y12.\nG42 D1 G1 X7. Y4. F300\nY20.\nX20.\nG2 X0 Y0 I-20. J0\nG40 G1 X-20. Y0",
+    ] {
+        assert!(severities(program).contains(&Severity::Warning), "{program}: {:?}", found(program));
+    }
+}
+
+#[test]
+fn a_rapid_through_a_wall_is_a_warning_as_a_cut_is() {
+    for code in ["G0", "G1"] {
+        let program = format!(
+            "G0 X-20. Y-30.\nG41 D1 G1 X0 Y-10. F300\nY40.\nX40.\nY0\nX20.\n{code} Y60.\nG1 X-30.\nG40 G1 X-40. Y70."
+        );
+        assert!(found(&program).contains(&("PRG-COMP-GOUGE", Severity::Warning)), "{code}: {:?}", found(&program));
+    }
+}
+
 #[test]
 fn rapids_are_no_walls() {
     // Out of the groove on the way that led into it.
