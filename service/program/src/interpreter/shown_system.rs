@@ -5,7 +5,7 @@
 use super::doubt::SYSTEM_CURE;
 use super::execute::Execution;
 use crate::code;
-use crate::dialect::{Group, Meaning, letter_bit};
+use crate::dialect::{FeedUnit, Group, Meaning, letter_bit};
 use crate::state::ShownBy;
 use crate::{DialectName, Finding, GCodeSystem, SourceSpan};
 
@@ -84,7 +84,8 @@ impl Execution<'_> {
 
     /// Takes up what shows the system to be A, or not to be.
     fn show(&mut self, of_a: bool, by: ShownBy, span: SourceSpan) {
-        if if of_a { self.state.not_system_a } else { self.state.is_system_a } {
+        let is_against = if of_a { self.state.not_system_a } else { self.state.is_system_a };
+        if is_against {
             return self.report_two_systems(of_a, by, self.state.system_shown_by, span);
         }
         if !of_a && let Some(feed) = self.state.feed_of_system_a.take() {
@@ -127,14 +128,13 @@ impl Execution<'_> {
 
     /// `G98` and `G99` where no profile names the system: feed modes in A, return levels of cycles in B and C. While it is
     /// open they are taken as both: a cycle, or a code that is not of A, tells.
-    pub(super) fn feed_or_return(&mut self) -> Option<crate::dialect::FeedUnit> {
-        use crate::dialect::FeedUnit::{PerMinute, PerRevolution};
+    pub(super) fn feed_or_return(&mut self) -> Option<FeedUnit> {
         let (Meaning::FeedOrReturn { to_r }, span) = self.code(Group::CycleReturn)? else { return None };
         if self.state.not_system_a && !self.is_system_a() {
             self.state.drilling.to_r = to_r;
             return None;
         }
-        let unit = if to_r { PerRevolution } else { PerMinute };
+        let unit = if to_r { FeedUnit::PerRevolution } else { FeedUnit::PerMinute };
         if self.is_system_open() {
             self.state.drilling.to_r = to_r;
             let by = ShownBy { letter: b'G', tenths: if to_r { 990 } else { 980 }, line: span.line };

@@ -173,9 +173,9 @@ fn levels_of_drilling_cycles_are_refused_while_the_system_is_open() {
     // Where the program has shown A.
     let a = LanguageSettings { g_code_system: Some(GCodeSystem::A), ..lathe() };
     let program = "G50 S900\nG99 M3 S500\nG0 X50. Z2.\nG85 Z-20. R-1. F.1\nG80\nM30\n";
-    let found = render(program.to_owned(), &lathe());
+    let found = render(program, &lathe());
     assert!(!found.contains("PRG"), "{found}");
-    assert_eq!(found, render(program.to_owned(), &a));
+    assert_eq!(found, render(program, &a));
 }
 
 #[test]

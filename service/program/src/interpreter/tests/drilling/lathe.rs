@@ -133,7 +133,7 @@ fn an_m_code_of_a_cycle_clamps_behind_the_positioning_of_each_hole() {
     };
     let settings = LanguageSettings { machine_codes: vec![clamp], ..turning(None) };
     let found = render(
-        "M3 S500\nG0 X50. Z2.\nG85 X20. C30. Z-20. R-1. F.1 M31\nC90. M31\nH30. K2 M31\nG80 M31\nM30\n".to_owned(),
+        "M3 S500\nG0 X50. Z2.\nG85 X20. C30. Z-20. R-1. F.1 M31\nC90. M31\nH30. K2 M31\nG80 M31\nM30\n",
         &settings,
     );
     assert!(!found.contains("PRG"), "{found}");
