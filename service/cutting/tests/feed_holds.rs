@@ -128,7 +128,7 @@ fn a_hold_before_a_section_is_taken_up_anywhere() {
 /// Whether the end of a hold is known as it begins or comes when much of it was handed out is the same to the bit.
 #[test]
 fn a_long_hold_before_a_thread_or_tap_is_the_same_whenever_its_end_is_known() {
-    let thread = "G21 G90 G95 G97 S728 M3\nG0 X14. Z10.\nX9.5\nG32 Z6. F1.5\nG0 X14.\nM30\n";
+    let thread = "G21 G90 G99 G97 S728 M3\nG0 X14. Z10.\nX9.5\nG32 Z6. F1.5\nG0 X14.\nM30\n";
     let tap = "G21 G90 G17 G94 M3 S1234\nG0 X0 Y0 Z5\nM29 S1234\nG84 X2 Y0 Z-2 R1 F1500\nG80\nG0 X0\nM30\n";
     for (program, profile) in [(thread, MachineProfile::lathe()), (tap, MachineProfile::mill())] {
         let plain_config = PipelineConfig::new(profile);
