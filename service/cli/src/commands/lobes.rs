@@ -12,6 +12,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::violations::{Violation, Violations};
 use feedwave_monitoring::{Lobes, PocketRequest};
+use feedwave_plot::{LobesPicture, write_lobes};
 use tonic::Code;
 
 use super::client::ServerArgs;
@@ -19,7 +20,6 @@ use super::source::Source;
 use super::terminal::{Style, print, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, findings};
-use crate::plot::{LobesPicture, write_lobes};
 
 /// What findings call the lobes: they have no place in a program.
 const NAME: &str = "lobes";

@@ -13,10 +13,10 @@ use feedwave_cutting::{
     Frame, GuidedCuts, PipelineConfig, SetpointBlock, ToolMotion, ToolPath, ToolPathSink, ValidationReport,
 };
 use feedwave_motion::MachineKind;
+use feedwave_plot::{AxisShown, PathTrace, PlotError, Plots, Point, RapidLines};
 
 use super::CliError;
 use super::source::Source;
-use crate::plot::{AxisShown, PathTrace, PlotError, Plots, Point, RapidLines};
 
 /// Vibration periods in a close view.
 const PERIODS_SHOWN: f64 = 5.0;

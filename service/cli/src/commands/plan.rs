@@ -9,6 +9,7 @@ use feedwave_contract::columns::Extras;
 use feedwave_contract::convert::report_to_proto;
 use feedwave_cutting::ServoExpander;
 use feedwave_cutting::{Frame, GenerationMode, MAX_SERVO_SUBSTEPS, PipelineConfig, SetpointBlock, ValidationReport};
+use feedwave_plot::Plots;
 use indicatif::ProgressBar;
 
 use super::local::Progress;
@@ -20,7 +21,6 @@ use super::terminal::{Style, Unit, count, print_json, progress, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, local, report};
 use crate::output::{CsvWriter, FileFormat, Layout, SetpointWriter, create};
-use crate::plot::Plots;
 
 /// Arguments of `feedwave plan`.
 #[derive(Debug, clap::Args)]

@@ -10,13 +10,13 @@ use feedwave_cutting::{
     ChipRobustness, CutCondition, CutTolerances, FeedCoupling, Frame, SectionReport, chip_robustness,
 };
 use feedwave_monitoring::{StabilityRobustness, stability_robustness};
+use feedwave_plot::{RobustnessPicture, write_robustness};
 
 use super::machine::MachineArgs;
 use super::source::IncludeArgs;
 use super::stability::{StabilityArgs, percent};
 use super::terminal::{Style, number, print, tell};
 use super::{CliError, EXIT_REFUSED, local, report};
-use crate::plot::{RobustnessPicture, write_robustness};
 
 /// Speeds and feeds of a map.
 const MAP_SPEEDS: u32 = 401;

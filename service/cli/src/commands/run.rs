@@ -11,6 +11,7 @@ mod summary;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use feedwave_plot::write_run;
 use feedwave_simulator::Simulator;
 use tonic::Code;
 
@@ -18,7 +19,6 @@ use super::client::{Client, ServerArgs};
 use super::decisions::{heading, line};
 use super::terminal::{print, tell};
 use super::{CliError, EXIT_REFUSED};
-use crate::plot::write_run;
 pub(super) use drive::Drive;
 use feedwave_contract::proto::{
     Decision, GetMonitoringRequest, MonitoringConfig, ProcessProperty, RecordingSettings, RunSettings, RunState,

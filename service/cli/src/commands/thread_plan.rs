@@ -12,13 +12,13 @@ use feedwave_contract::proto::plan_thread_request::Advance;
 use feedwave_contract::violations::{Violation, Violations};
 use feedwave_cutting::Frame;
 use feedwave_cutting::thread::{ThreadPlan, plan_thread};
+use feedwave_plot as plot;
 
 use super::machine::MachineArgs;
 use super::source::Source;
 use super::terminal::{Style, print, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, findings, report};
-use crate::plot;
 
 /// What a file that is not read is called where findings name it.
 const NAME: &str = "thread";

@@ -6,6 +6,7 @@ use feedwave_contract::proto::decision_inputs::Evidence;
 use feedwave_contract::proto::{
     Decision, DecisionAction, ReplayRunRequest, RunSettings, RunState, SetMonitoringRequest,
 };
+use feedwave_plot::write_run;
 use feedwave_simulator::{Contact, Description, Simulator, Where};
 
 use super::super::CliError;
@@ -15,7 +16,6 @@ use super::super::run::{Drive, default_monitoring};
 use super::super::terminal::{count, number};
 use super::Stage;
 use super::common::submit;
-use crate::plot::write_run;
 
 /// A slot, milled too fast for its depth.
 const SLOT: &str = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X100 F1200\nG0 X110\nM30\n";

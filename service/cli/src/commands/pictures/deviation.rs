@@ -1,11 +1,11 @@
 //! The path as programmed and as run, of programs whose path deviates.
 
 use feedwave_cutting::{PipelineConfig, ToolMotion, ToolPathSink, ValidationReport};
+use feedwave_plot::{CloseView, PathDeviations, Point};
 
 use super::super::CliError;
 use super::super::source::Source;
 use super::read_path;
-use crate::plot::{CloseView, PathDeviations, Point};
 
 /// Half of this of a close view is shown where the path is exact, mm.
 const EXACT_MM: f64 = 0.05;

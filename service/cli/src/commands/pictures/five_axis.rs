@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use feedwave_cutting::{Frame, GuidedCuts, PipelineConfig, ValidationReport};
 use feedwave_motion::kinematics::{Kinematics, Setup};
+use feedwave_plot::{FiveAxisPlots, FiveAxisSetup, ThinningShown};
 use feedwave_program::Axis;
 
 use super::super::CliError;
 use super::super::local::{self, Progress};
 use super::super::source::Source;
 use super::super::terminal::{Unit, progress};
-use crate::plot::{FiveAxisPlots, FiveAxisSetup, ThinningShown};
 
 /// Lines of the close view, and how many of a cut lie before it, where the cut is that long.
 const CLOSE_LINES: u32 = 48;

@@ -3,9 +3,9 @@
 use std::collections::HashSet;
 
 use feedwave_cutting::{CutCondition, SectionReport, ValidationReport};
+use feedwave_plot::{Cut, Plots};
 
 use super::super::terminal::number;
-use crate::plot::{Cut, Plots};
 
 /// Pictures of chips at most: sections of one program are mostly alike.
 const MAX_CHIP_PICTURES: usize = 8;

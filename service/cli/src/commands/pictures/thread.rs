@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use feedwave_cutting::{PipelineConfig, ValidationReport};
-
-use crate::plot::{PlotError, ThreadPictures, write_thread};
+use feedwave_plot::{PlotError, ThreadPictures, write_thread};
 
 /// Threads drawn at most: three pictures each.
 const MAX_THREADS_DRAWN: usize = 8;

@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use feedwave_cutting::{PipelineConfig, ValidationReport};
-
-use crate::plot::{OscillationPictures, PlotError, write_oscillation};
+use feedwave_plot::{OscillationPictures, PlotError, write_oscillation};
 
 /// Oscillating passes drawn at most: six pictures each.
 const MAX_OSCILLATIONS_DRAWN: usize = 4;

@@ -14,6 +14,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_cutting::SetpointBlock;
 use feedwave_monitoring::{Batch, Pair};
+use feedwave_plot::RunTrace;
 use feedwave_simulator::{SetpointError, Setpoints, Simulator};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -23,7 +24,6 @@ use super::summary::Summary;
 use crate::commands::client::{Client, Decoder, MAX_RETRIES, is_passing, pause};
 use crate::commands::terminal::tell;
 use crate::commands::{CliError, decisions};
-use crate::plot::RunTrace;
 
 /// Time of the setpoints handed out at once, s.
 const STRETCH_S: f64 = 0.1;

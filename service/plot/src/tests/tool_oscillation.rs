@@ -6,8 +6,8 @@ use feedwave_cutting::tool_oscillation::{
     ToolGeometry, ToolOscillation, Waveform, judge,
 };
 
-use crate::plot::figure::Figure;
-use crate::plot::{OscillationPictures, canvas};
+use crate::figure::Figure;
+use crate::{OscillationPictures, canvas};
 
 pub(super) fn figures() -> Vec<Figure> {
     let mut measured = ToolGeometry::even(4, 60.0, 1.5, 5.0);
@@ -20,7 +20,7 @@ pub(super) fn figures() -> Vec<Figure> {
     let tools = [(ToolGeometry::even(4, 60.0, 1.5, 5.0), 1), (measured, 1), (many, 25)];
     tools
         .iter()
-        .flat_map(|(tool, periods)| with(tool, *periods, 600.0, Some(0.05), crate::plot::tool_oscillation::figures))
+        .flat_map(|(tool, periods)| with(tool, *periods, 600.0, Some(0.05), crate::tool_oscillation::figures))
         .collect()
 }
 
@@ -31,7 +31,7 @@ fn draw(
     feed_mm_per_min: f64,
     across_mm: Option<f64>,
 ) -> Vec<(String, String)> {
-    let figures = with(tool, periods_per_rev, feed_mm_per_min, across_mm, crate::plot::tool_oscillation::figures);
+    let figures = with(tool, periods_per_rev, feed_mm_per_min, across_mm, crate::tool_oscillation::figures);
     let names: Vec<_> = figures.iter().map(|figure| figure.name.as_str()).collect();
     assert_eq!(names, ["waveform", "path", "edges", "stages", "layers", "floor"].map(|name| format!("pass-{name}")));
     for figure in &figures {
@@ -123,7 +123,7 @@ fn an_oscillation_that_leaves_the_rougher_floor_says_why() {
     let figures = figures();
     let floors: Vec<_> = figures.iter().filter(|figure| figure.name == "pass-floor").collect();
     let notes = |figure: &Figure| -> String {
-        crate::plot::layout::panels(&figure.body).iter().flat_map(|panel| panel.notes.clone()).collect()
+        crate::layout::panels(&figure.body).iter().flat_map(|panel| panel.notes.clone()).collect()
     };
     let wanted = "E4 finishes ahead of the tool, but E3 protrudes 3 µm further";
     assert!(notes(floors[1]).contains(wanted), "{}", notes(floors[1]));

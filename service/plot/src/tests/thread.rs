@@ -5,15 +5,15 @@ use feedwave_cutting::thread::{
     ThreadLimits, ThreadPlan, ThreadRequest, ThreadSide, judge_thread, plan_thread,
 };
 
-use crate::plot::figure::Figure;
-use crate::plot::{ThreadPictures, canvas, write_thread};
+use crate::figure::Figure;
+use crate::{ThreadPictures, canvas, write_thread};
 
 pub(super) fn figures() -> Vec<Figure> {
     let plans = [(ThreadSide::External, 1, 0.6), (ThreadSide::Internal, 3, 0.25)];
     let figures = plans.map(|(side, starts, first_depth_mm)| {
         let plan = plan(side, starts, first_depth_mm);
         let pictures = ThreadPictures { name: "thread".to_owned(), job: &plan.job, report: &plan.report };
-        crate::plot::thread::figures(&pictures)
+        crate::thread::figures(&pictures)
     });
     figures.concat()
 }
@@ -54,7 +54,7 @@ fn a_thread_has_three_pictures_whatever_its_passes() {
     for (side, starts, first_depth_mm) in [(ThreadSide::External, 1, 0.6), (ThreadSide::Internal, 3, 0.25)] {
         let plan = plan(side, starts, first_depth_mm);
         let pictures = ThreadPictures { name: "thread".to_owned(), job: &plan.job, report: &plan.report };
-        let figures = crate::plot::thread::figures(&pictures);
+        let figures = crate::thread::figures(&pictures);
         let names: Vec<_> = figures.iter().map(|figure| figure.name.as_str()).collect();
         assert_eq!(names, ["thread-unrolled", "thread-position", "thread-section"]);
         let text = |name: &str| canvas::svg_text(figures.iter().find(|figure| figure.name == name).unwrap()).unwrap();

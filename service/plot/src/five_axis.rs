@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn directions_are_in_work_coordinates_whatever_the_stream_is_in() {
-        let (z, kinematics) = ([0.0, 0.0, 1.0], crate::plot::tests::trunnion());
+        let (z, kinematics) = ([0.0, 0.0, 1.0], crate::tests::trunnion());
         let mut offset = Position::default();
         (offset[Axis::A.index()], offset[Axis::C.index()]) = (-20.0, 30.0);
         let setup = FiveAxisSetup {

@@ -9,11 +9,11 @@ use feedwave_motion::kinematics::Setup;
 use feedwave_program::Position;
 use plotters::style::RGBColor;
 
-use crate::plot::figure::{Beyond, Figure, MILLISECONDS, Proportions, SECONDS, Shape};
-use crate::plot::layout::Page;
-use crate::plot::path_deviation::PathDeviationPicture;
-use crate::plot::theme::{self, Ink, Mark};
-use crate::plot::{FiveAxisPlots, FiveAxisSetup, LobesPicture, ThinningShown, canvas, tests};
+use crate::figure::{Beyond, Figure, MILLISECONDS, Proportions, SECONDS, Shape};
+use crate::layout::Page;
+use crate::path_deviation::PathDeviationPicture;
+use crate::theme::{self, Ink, Mark};
+use crate::{FiveAxisPlots, FiveAxisSetup, LobesPicture, ThinningShown, canvas, tests};
 
 /// Every kind of picture, made once for all rules.
 static FIGURES: LazyLock<Vec<Figure>> = LazyLock::new(|| {
