@@ -57,7 +57,8 @@ crate::finding_codes! {
 
     "PRG-ENDLESS" [ENDLESS: Error] {
         meaning: "a loop that never ends, or a program of too many blocks",
-        cause: "A round of the loop changes neither a variable nor a position, or the limits of executed blocks are reached.",
+        cause: "Every further round of the loop is decided as the one before: no variable changes, and no position or mode is asked for, or all is as it was. \
+              Or the limits of executed blocks are reached.",
         cure: "Change in the loop what its condition asks for, or raise the limit in the language settings of the machine profile.",
         example: mill("#1=0\nWHILE [#1 LT 5] DO1\nEND1\nM30"),
     }

@@ -87,6 +87,10 @@ pub(crate) struct FlowState {
     moves: u64,
     /// Blocks with codes.
     codes: u64,
+    /// Statements that asked for what the control sets: a position, a mode, an offset.
+    asked: u64,
+    /// Those before the last statement: what the head of a loop asks is a part of the round that it begins.
+    asked_before: u64,
     /// Loops that jumps back have made in the program that is read, outermost first.
     jumps: Vec<JumpLoop>,
     /// A program was called or a jump made: what is behind the end of the program need not be looked at.
@@ -108,6 +112,8 @@ struct Signature {
     changes: u64,
     moves: u64,
     codes: u64,
+    /// Statements that asked for what the control sets.
+    asked: u64,
 }
 
 /// Everything at the end of a round of a loop, which later rounds are held against.

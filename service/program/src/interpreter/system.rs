@@ -74,6 +74,16 @@ impl Variables for System<'_> {
 }
 
 impl System<'_> {
+    /// Whether the control sets this parameter: a position, a mode, an offset.
+    pub(super) fn sets(&self, number: u32) -> bool {
+        self.dialect.parameters.kind(number) == Some(Kind::System)
+    }
+
+    /// As [`Self::sets`], of a named parameter.
+    pub(super) fn sets_named(name: &Name) -> bool {
+        linuxcnc::is_predefined(name)
+    }
+
     /// A stored value: as assigned, or as the settings bring it.
     #[inline]
     fn stored(&self, number: u32) -> Option<Value> {

@@ -26,6 +26,17 @@ pub(super) enum Round {
     Jumps,
 }
 
+/// Why every further round is as one before.
+#[derive(Clone, Copy)]
+enum Repeats {
+    /// Nothing has changed in it.
+    AtOnce,
+    /// It moves on, but what is decided in it depends on nothing that has changed.
+    Deciding,
+    /// Everything is as it was so many rounds before.
+    Since(u64),
+}
+
 /// Something that is run more than once.
 #[derive(Clone, Copy)]
 enum Repeated<'a> {
@@ -104,6 +115,19 @@ impl Repeated<'_> {
     }
 }
 
+impl Signature {
+    /// Whether nothing has changed between the two.
+    fn is_as(self, later: Self) -> bool {
+        (self.changes, self.moves, self.codes) == (later.changes, later.moves, later.codes)
+    }
+
+    /// Whether everything that was decided between the two is decided again in the same way: no variable has changed, and no statement
+    /// has asked for what the control sets.
+    fn decides_as(self, later: Self) -> bool {
+        (self.changes, self.asked) == (later.changes, later.asked)
+    }
+}
+
 impl FlowState {
     /// What is being run more than once on the line that is read, outermost first.
     fn repeated(&self, line: u32) -> impl Iterator<Item = Repeated<'_>> {
@@ -140,8 +164,13 @@ fn loops_of<'a>(loops: &'a [Loop], jumps: &'a [JumpLoop], line: u32) -> impl Ite
 impl Interpreter {
     /// By what two visits of one place are told apart.
     pub(super) fn signature(&self) -> Signature {
-        let FlowState { moves, codes, .. } = self.state.flow;
-        Signature { changes: self.state.parameters.changes(), moves, codes }
+        let FlowState { moves, codes, asked, .. } = self.state.flow;
+        Signature { changes: self.state.parameters.changes(), moves, codes, asked }
+    }
+
+    /// That of a loop at its head, whose condition is a part of the round.
+    pub(super) fn signature_at_head(&self) -> Signature {
+        Signature { asked: self.state.flow.asked_before, ..self.signature() }
     }
 
     /// Counts a block that was executed; `false` after an error, where there were too many.
@@ -230,19 +259,27 @@ impl Interpreter {
     pub(super) fn is_endless(&mut self, round: Round, before: Option<Signature>, findings: &mut FindingLog) -> bool {
         // What goes back is a program; from here on nothing counts on.
         self.state.evidence.settle();
-        let since = match before {
-            Some(before) if before == self.signature() => Some(1),
-            before => self.rounds_since_same(round, before),
+        let now = self.signature();
+        let repeats = match before {
+            Some(before) if before.is_as(now) => Some(Repeats::AtOnce),
+            Some(before) if before.decides_as(now) => Some(Repeats::Deciding),
+            before => self.rounds_since_same(round, before).map(|rounds| match rounds {
+                1 => Repeats::AtOnce,
+                _ => Repeats::Since(rounds),
+            }),
         };
-        let (Some(since), Some(looped)) = (since, self.repeated_at(round)) else { return false };
+        let (Some(repeats), Some(looped)) = (repeats, self.repeated_at(round)) else { return false };
         findings.push_with(code::ENDLESS, |code| {
             let name = looped.name(self.table.dialect.flow);
-            let message = match since {
-                1 => format!(
+            let message = match repeats {
+                Repeats::AtOnce => format!(
                     "nothing has changed since the last round of {name}: no variable, no position, no mode. It never ends"
                 ),
-                _ => format!(
-                    "everything is as it was {since} rounds before in {name}: variables, position, modes. It never ends"
+                Repeats::Deciding => format!(
+                    "no variable has changed since the last round of {name}, and nothing in it asks for anything else. It never ends"
+                ),
+                Repeats::Since(rounds) => format!(
+                    "everything is as it was {rounds} rounds before in {name}: variables, position, modes. It never ends"
                 ),
             };
             let finding = looped.named(Finding::new(code, looped.place(), message));
@@ -261,7 +298,7 @@ impl Interpreter {
 
     /// How many rounds ago everything was as it is now; keeps the state of this round where it is its turn.
     fn rounds_since_same(&mut self, round: Round, before: Option<Signature>) -> Option<u64> {
-        // A round that changes no variable repeats itself but for what it asks of the control.
+        // A round that changes no variable repeats itself but for what it asks of the control: its state is kept at once.
         let is_suspect = before.is_some_and(|before| before.changes == self.state.parameters.changes());
         let (number, seen) = self.state.flow.seen_in(round)?;
         let kept = seen.take();

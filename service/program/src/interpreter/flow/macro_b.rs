@@ -136,7 +136,7 @@ impl Interpreter {
 
     /// What `P` of the `M99` at `at` says, nothing where there is none; nothing may follow.
     fn label_of_return(
-        &self,
+        &mut self,
         line: &[u8],
         at: usize,
         span: SourceSpan,

@@ -155,7 +155,7 @@ impl Interpreter {
 
     /// The head of a loop that is open already: on with its next round, or behind it.
     pub(super) fn next_round(&mut self, holds: bool, pending: &Pending) -> Option<Progress> {
-        let signature = self.signature();
+        let signature = self.signature_at_head();
         let open = self.state.flow.loops.last_mut().filter(|open| open.head.place == pending.from.place)?;
         if holds {
             open.iteration += 1;
@@ -171,7 +171,7 @@ impl Interpreter {
     }
 
     pub(super) fn new_loop(&self, kind: LoopKind, pending: &Pending, last: Mark, behind: Mark, name: Box<str>) -> Loop {
-        let (signature, since) = (self.signature(), self.state.flow.blocks);
+        let (signature, since) = (self.signature_at_head(), self.state.flow.blocks);
         let (head, body) = (pending.from, pending.behind);
         Loop { kind, name, head, body, last, behind, rounds: 0, iteration: 1, since, signature, seen: None }
     }

@@ -1,18 +1,38 @@
 //! Values, conditions and assignments in statements.
 
+use std::cell::Cell;
+
 use super::Interpreter;
-use crate::expression::{self, Context, Defect, Value};
+use crate::expression::{self, Context, Defect, Name, Reading, Refusal, Value, Variables};
 use crate::interpreter::System;
 use crate::{Finding, FindingLog, Operation};
 
+/// The variables of a statement, and whether it has asked for one that the control sets: a position, a mode, an offset.
+struct Watched<'a> {
+    system: System<'a>,
+    asked: Cell<bool>,
+}
+
+impl Variables for Watched<'_> {
+    fn numbered(&self, number: u32) -> Result<Reading, Refusal> {
+        self.asked.set(self.asked.get() || self.system.sets(number));
+        self.system.numbered(number)
+    }
+
+    fn named(&self, name: &Name) -> Result<Option<f64>, Refusal> {
+        self.asked.set(self.asked.get() || System::sets_named(name));
+        self.system.named(name)
+    }
+}
+
 impl Interpreter {
     /// The value that starts at `at`, and where it ends; nothing after a finding.
-    pub(super) fn value(&self, line: &[u8], at: usize, findings: &mut FindingLog) -> Option<(Value, usize)> {
+    pub(super) fn value(&mut self, line: &[u8], at: usize, findings: &mut FindingLog) -> Option<(Value, usize)> {
         self.read_value(line, at, findings, expression::evaluate)
     }
 
     /// The condition in brackets that starts at `at`, and where it ends; nothing after a finding.
-    pub(super) fn condition(&self, line: &[u8], at: usize, findings: &mut FindingLog) -> Option<(bool, usize)> {
+    pub(super) fn condition(&mut self, line: &[u8], at: usize, findings: &mut FindingLog) -> Option<(bool, usize)> {
         let at = super::line::skip_blanks(line, at);
         // A Haas control takes every value but 0 as true.
         let takes_numbers = self.settings.is_haas();
@@ -20,7 +40,7 @@ impl Interpreter {
     }
 
     fn read_value<T>(
-        &self,
+        &mut self,
         line: &[u8],
         at: usize,
         findings: &mut FindingLog,
@@ -28,9 +48,12 @@ impl Interpreter {
     ) -> Option<T> {
         let dialect = self.table.dialect;
         let system = System { state: &self.state, settings: &self.settings, dialect, tools: &self.tools };
-        let mut context = Context::new(dialect.expressions, &system, self.settings.angle_range);
+        let watched = Watched { system, asked: Cell::new(false) };
+        let mut context = Context::new(dialect.expressions, &watched, self.settings.angle_range);
         let found = read(line, at, &mut context);
-        for note in context.notes {
+        let notes = context.notes;
+        self.state.flow.asked += u64::from(watched.asked.get());
+        for note in notes {
             let span = self.span_in(line, note.start, note.end);
             let (code, message, cure) = note.text();
             findings.push_with(code, |code| Finding::new(code, span, message).suggest(cure));

@@ -75,6 +75,7 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) -> bool {
         let span = self.span_in(line, 0, line.len());
+        self.state.flow.asked_before = self.state.flow.asked;
         let goes_on = match self.block.rest {
             Some(Rest::Statement(at)) => {
                 self.state.flow.has_decided = true;
