@@ -231,10 +231,11 @@ crate::finding_codes! {
         example: mill("G31 Z-10 F100"),
     }
 
-    "PRG-CORNER" [CORNER: Error] {
-        meaning: "a chamfer, a rounding or a line with an angle that cannot be made",
+    "PRG-CORNER" [CORNER: Error, CORNER_STRAIGHT: Info] {
+        meaning: "a chamfer, a rounding or a line with an angle that cannot be made; noted where there is no corner",
         cause: "The next block is no move with G1, G2 or G3 in the plane, the corner is larger than one of the moves, a sign \
-              says the wrong side, or two lines with angles are parallel.",
+              says the wrong side, or two lines with angles are parallel. Where the path goes straight on there is nothing to cut or \
+              to round.",
         cure: "Let the move that the corner leads to follow at once, make the corner smaller, or write it as a block of its own.",
         example: mill("G1 X10 ,R5 F100\nY2\nX0"),
     }

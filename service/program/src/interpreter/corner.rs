@@ -272,7 +272,12 @@ fn close(pending: PendingCorner, next: &mut Operation, operations: &mut Vec<Oper
     let line = next.span.line;
     match joined(&held, &corner, next) {
         Err(refusal) => refuse(&corner, line, refusal, findings),
-        Ok(None) => {}
+        Ok(None) => findings.push_with(code::CORNER_STRAIGHT, |code| {
+            let message = "the path goes straight on here: there is no corner to cut or to round";
+            Finding::new(code, corner.span, message)
+                .with_value("next_line", f64::from(line), "")
+                .suggest("leave the corner out, or check the end of the block and of the next one")
+        }),
         Ok(Some(parts)) => {
             let span = held.span;
             let [first, middle, last] = *parts;

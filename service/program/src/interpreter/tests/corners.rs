@@ -46,9 +46,22 @@ fn a_rounding_and_a_chamfer_between_lines() {
         "G20\nG1 X1 ,C.1 F1\nY1",
         "line 0 -> X22.86 @25.4/min\nline X22.86 -> X25.4 Y2.54 @25.4/min\nline X25.4 Y2.54 -> X25.4 Y25.4 @25.4/min",
     );
-    // Tangent moves have no corner, and a corner of no size is none.
-    check(&mill(), "G1 X10 ,R5 F100\nX20", "line 0 -> X10 @100/min\nline X10 -> X20 @100/min");
+    // A corner of no size is none.
     check(&mill(), "G1 X10 ,R0 F100\nY20", "line 0 -> X10 @100/min\nline X10 -> X10 Y20 @100/min");
+}
+
+#[test]
+fn a_corner_where_the_path_goes_straight_on_is_noted() {
+    for corner in [",R5", ",C2"] {
+        let program = format!("G1 X10 {corner} F100\nX20");
+        check(&mill(), &program, "line 0 -> X10 @100/min\nline X10 -> X20 @100/min\ni 1:8+3 PRG-CORNER");
+        let program = format!("G1 X10 {corner} F100\nG3 X20 Y10 R10");
+        check(
+            &mill(),
+            &program,
+            "line 0 -> X10 @100/min\narc X10 -> X20 Y10 about 10,10 by 90 @100/min\ni 1:8+3 PRG-CORNER",
+        );
+    }
 }
 
 #[test]
