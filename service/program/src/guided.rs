@@ -20,6 +20,8 @@ pub struct GuidedMove {
     pub guide: ToolGuide,
     /// Axes of the end that no word has placed since the coordinates changed: they stay where the machine has them.
     pub held: AxisSet,
+    /// Rotary axes whose word says how far they turn, not where to: they turn by the difference of end and start.
+    pub turned: AxisSet,
     /// Number of the tool length (`H`), 0 where the tool is not guided, and in a tilted plane for no length.
     pub length_offset: u32,
     /// That length with its wear, mm, as the table has it where it was called; 0 for no length, `None` where it is not known,

@@ -23,7 +23,7 @@ use crate::common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::thinning::{ThinningMethod, ThinningSettings};
 use feedwave_cutting::{Frame, PipelineConfig};
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, sub};
-use feedwave_motion::kinematics::{BranchPreference, Kinematics, Setup, ToolPose};
+use feedwave_motion::kinematics::{BranchPreference, Kinematics, Setup, ToolPose, Wrap};
 use machine::{LENGTH_MM, config};
 
 /// Source lines that any setpoint has been cut from, without the start.
@@ -289,4 +289,34 @@ fn leaving_a_pole_the_rotary_axes_take_the_preferred_solution_in_range() {
         let [a, _] = last(&config, program);
         assert!((a - sign * 0.2_f64.atan().to_degrees()).abs() < 1e-9, "{a}");
     }
+}
+
+#[test]
+fn an_axis_that_rolls_over_turns_as_far_as_an_incremental_word_says() {
+    let mut rolling = config();
+    let chain = &mut rolling.profile.kinematics.as_mut().expect("five axes").chain;
+    chain[0].wrap = Wrap::Rollover;
+    assert_eq!(rolling.profile.problems(), []);
+    let c = |config: &PipelineConfig, words: &str| {
+        let program = format!("G43.4 H1\nG1 X0 Y0 Z50 A0 C0 F1000\n{words}\nM30\n");
+        let setpoints = run(&program, config);
+        setpoints.axes[4][setpoints.len() - 1]
+    };
+    for (words, turned, counted) in [
+        ("G91 C360", 360.0, 360.0),
+        ("G91 X1 C270", 270.0, 270.0),
+        ("G91 C-540\nC30", -510.0, -510.0),
+        ("G91 C350\nG90 C10", 370.0, 10.0),
+        // The program counts 10 degrees where the axis is at 370.
+        ("C170\nC340\nC10\nG91 C200", 570.0, 210.0),
+        ("C190", -170.0, 190.0),
+        ("M33\nG91 X1 C200\nX.1 C0\nX.1 C200\nX1 C200\nM34", 600.0, 600.0),
+    ] {
+        assert!((c(&rolling, words) - turned).abs() < 1e-9, "{words}: {}", c(&rolling, words));
+        assert_eq!(c(&config(), words), counted, "{words}");
+    }
+    // Half a turn is as far in either direction.
+    let report = validate("G43.4 H1\nG1 X0 Y0 Z50 A0 C10 F1000\nC190\nM30\n", &rolling);
+    let found: Vec<_> = report.findings.iter().map(|finding| (finding.code.name(), finding.span.line)).collect();
+    assert_eq!(found, [("FIVE-AXIS-OPPOSITE", 3)]);
 }

@@ -49,7 +49,7 @@ impl FiveAxisPiece {
         let count = (0..N)
             .rev()
             .find(|&k| axes.iter().any(|axis| axis[k].abs() > FIVE_AXIS_NOTHING))
-            .map_or(2, |k| k + 1)
+            .map_or(0, |k| k + 1)
             .max(2);
         let powers = (0..count).map(|k| axes.map(|axis| axis[k])).collect();
         Self { middle, half, powers }

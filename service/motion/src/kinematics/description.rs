@@ -23,8 +23,7 @@ pub enum Wrap {
     /// Angles count on beyond a turn: 370° is a turn and 10°, and is approached from wherever the axis is.
     #[default]
     Counting,
-    /// Angles repeat every turn: 370° is 10°, and is approached by the shortest path (half a turn: in the positive
-    /// direction).
+    /// Angles repeat every turn: 370° is 10°, and an absolute one is approached by the shortest path.
     Rollover,
 }
 

@@ -73,14 +73,21 @@ impl Kinematics {
         self.rotary.iter().filter_map(|&index| Some((self.joints[index].axis, self.joints[index].range?)))
     }
 
-    /// The value a rotary axis (0: next to the work, 1: next to the tool) goes to from `from_rad` when `commanded_rad` is
-    /// programmed: as written for an axis that counts, the shortest path for one that rolls over.
+    /// Whether a rotary axis (0: next to the work, 1: next to the tool) rolls over.
     #[must_use]
-    pub fn approach(&self, rotary: usize, commanded_rad: f64, from_rad: f64) -> f64 {
-        match self.joints[self.rotary[rotary]].wrap {
-            Wrap::Counting => commanded_rad,
-            Wrap::Rollover => nearest_turn(commanded_rad, from_rad),
+    pub fn rolls_over(&self, rotary: usize) -> bool {
+        self.joints[self.rotary[rotary]].wrap == Wrap::Rollover
+    }
+
+    /// The value a rotary axis (0: next to the work, 1: next to the tool) goes to from `from_deg` when `commanded_deg` is
+    /// programmed as an absolute angle: as written for an axis that counts, the shortest path for one that rolls over; degrees.
+    #[must_use]
+    pub fn approach_deg(&self, rotary: usize, commanded_deg: f64, from_deg: f64) -> f64 {
+        if !self.rolls_over(rotary) {
+            return commanded_deg;
         }
+        let (commanded_rad, from_rad) = (commanded_deg.to_radians(), from_deg.to_radians());
+        commanded_deg + 360.0 * libm::round((nearest_turn(commanded_rad, from_rad) - commanded_rad) / TAU)
     }
 
     /// A rotary axis' value as its display shows it: within [0, 2π) for one that rolls over.

@@ -159,11 +159,11 @@ fn rollover_takes_the_short_path_and_counting_the_programmed_one() {
     description.chain[0].wrap = Wrap::Rollover;
     let machine = compiled(&description);
     let degrees = |value: f64| value.to_radians();
-    assert_near(&[machine.approach(0, degrees(10.0), degrees(350.0))], &[degrees(370.0)], 1e-12);
-    assert_near(&[machine.approach(0, degrees(180.0), 0.0)], &[PI], 0.0);
+    let approached = |rotary, from_deg| machine.approach_deg(rotary, 10.0, from_deg);
+    assert_near(&[approached(0, 350.0), approached(0, -350.0), approached(1, 350.0)], &[370.0, -350.0, 10.0], 0.0);
+    assert_near(&[machine.approach_deg(0, 180.0, 0.0)], &[180.0], 0.0);
     assert_near(&[machine.displayed(0, degrees(370.0))], &[degrees(10.0)], 1e-12);
     assert_near(&[machine.displayed(0, -1e-20)], &[0.0], 0.0);
-    assert_near(&[machine.approach(1, degrees(10.0), degrees(350.0))], &[degrees(10.0)], 0.0);
 }
 
 fn sweep(degrees: impl Iterator<Item = f64>, azimuth: f64) -> Vec<Vec3> {

@@ -264,6 +264,7 @@ impl Execution<'_> {
             step,
             guide: ToolGuide::Axes,
             held,
+            turned: AxisSet::NONE,
             length_offset: 0,
             tool_length_mm: Some(0.0),
             plane: None,

@@ -2,11 +2,11 @@
 //! the moves under it.
 
 use super::execute::Execution;
-use super::motion::{CURVE_LETTERS, Frame, curve_letters};
+use super::motion::{CURVE_LETTERS, Frame, curve_letters, set_bits};
 use super::spline::is_point;
 use crate::block::Word;
 use crate::code;
-use crate::dialect::{FeedUnit, Group, Meaning, letter_bit};
+use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
 use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
     ArcGeometry, Axis, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, Move, MoveKind, OperationKind,
@@ -386,7 +386,25 @@ impl Execution<'_> {
             && self.state.feed_unit != FeedUnit::InverseTime
             && !self.block.has_codes_besides_motion()
             && self.block.letters & others == 0;
-        GuidedMove { step, guide, held, length_offset, tool_length_mm, plane: self.state.plane_tilted, is_pure_cut }
+        let (turned, plane) = (self.turned_axes(), self.state.plane_tilted);
+        GuidedMove { step, guide, held, turned, length_offset, tool_length_mm, plane, is_pure_cut }
+    }
+
+    /// The rotary axes that the block turns by incremental words. Those of a return to the reference position are on their way to a
+    /// position.
+    fn turned_axes(&self) -> AxisSet {
+        let non_modal = self.block.code(Group::NonModal).map(|code| self.table.code(code.place).meaning);
+        if matches!(non_modal, Some(Meaning::Reference | Meaning::FurtherReference | Meaning::ReferenceReturn)) {
+            return AxisSet::NONE;
+        }
+        let is_absolute = self.state.absolute || non_modal == Some(Meaning::MachineCoordinates);
+        let turned = |place: usize| match self.table.dialect.letters[place] {
+            Letter::Axis(axis) if !is_absolute => Some(axis),
+            Letter::Increment(axis) => Some(axis),
+            _ => None,
+        };
+        let axes = set_bits(self.block.letters & self.table.axis_letters).filter_map(turned);
+        axes.filter(|axis| axis.is_rotary()).fold(AxisSet::NONE, AxisSet::with_axis)
     }
 
     /// `I J K` as a direction under `G43.5`; the words of the other form are reported.

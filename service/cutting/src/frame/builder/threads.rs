@@ -180,6 +180,7 @@ fn in_plane(mv: &ThreadMove, plane: &ThreadPlane) -> GuidedMove {
         // The program says where the linear axes are; the rotary ones stay where G53.1 has turned them, which only the machine
         // knows.
         held: AxisSet::ROTARY,
+        turned: AxisSet::NONE,
         length_offset: plane.length_offset,
         tool_length_mm: Some(plane.tool_length_mm),
         plane: Some(plane.plane),

@@ -36,8 +36,9 @@ feedwave_program::finding_codes! {
     }
 
     "FIVE-AXIS-OPPOSITE" [FIVE_AXIS_OPPOSITE: Error] {
-        meaning: "a cut from one tool direction to the opposite one: over which side the tool turns is not said",
-        cause: "Two vectors that follow each other point exactly against each other.",
+        meaning: "a move from one tool direction to the opposite one: over which side the tool turns is not said",
+        cause: "Two vectors that follow each other point exactly against each other, or an angle is half a turn away on an axis that \
+              rolls over.",
         cure: "Write a direction in between.",
         example: five_axis("G43.5 H1 G0 X0 Y0 Z100 I0 J1 K0\nI0 J-1 K0\nM30"),
     }

@@ -187,12 +187,19 @@ impl Guide {
         };
         let toward = match guided.guide {
             ToolGuide::Vector { end, .. } => Toward::Vector(end.unwrap_or(tool.point.direction)),
-            _ => Toward::Angles(rotary.map(|axis| {
-                let place = axis.index();
+            _ => Toward::Angles(std::array::from_fn(|turning| {
+                let (axis, place) = (rotary[turning], rotary[turning].index());
                 let (here, there) = (tool.point.position[place], step.end[place] + step.work_offset[place]);
                 // In a plane the rotary axes rest, unless a word turns them.
                 let rests = guided.guide == ToolGuide::Plane && (there - here).abs() <= SAME_ANGLE_DEG;
-                if rests || held(axis) { here } else { there }
+                if rests || held(axis) {
+                    here
+                } else if guided.turned.contains(axis) && self.kinematics.rolls_over(turning) {
+                    // The program counts turns that the axis has not made on its shorter ways.
+                    here + (step.end[place] - step.start[place])
+                } else {
+                    self.kinematics.approach_deg(turning, there, here)
+                }
             })),
         };
         FiveAxisBlock {
@@ -277,6 +284,10 @@ impl Guide {
         let by_angles = guided.guide == ToolGuide::Angles;
         self.place_tool(guided, state)?;
         let tool = state.tool.as_mut()?;
+        if let Some(finding) = self.half_a_turn(guided, &tool.point, span) {
+            findings.push(finding);
+            return None;
+        }
         let block = self.block(guided, span, tool, inputs);
         let before = tool.point;
         let parts = curve::spline_in_work(guided, [before.tip_mm, block.end_mm], span, findings)?;

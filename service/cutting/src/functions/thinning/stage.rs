@@ -245,6 +245,10 @@ impl ThinningStage {
         let (direction, rotary_rad, interpolation) = match guided.guide {
             ToolGuide::Axes | ToolGuide::Plane | ToolGuide::Align { .. } => return None,
             ToolGuide::Angles if guided.held.meets(AxisSet::ROTARY) => return None,
+            // The next block would turn an axis that rolls over by less, were this one dropped.
+            ToolGuide::Angles if !guided.turned.is_empty() && (0..2).any(|axis| kinematics.rolls_over(axis)) => {
+                return None;
+            }
             ToolGuide::Angles => {
                 let offset = &guided.step.work_offset;
                 let position = std::array::from_fn(|axis| end[axis] + offset[axis]);

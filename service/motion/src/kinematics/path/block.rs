@@ -8,7 +8,6 @@ use thiserror::Error;
 use super::fit::{RotaryPath, fit};
 use super::turning::Turning;
 use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
-use crate::kinematics::description::Wrap;
 use crate::kinematics::direction::{GreatCircle, OppositeDirections};
 use crate::kinematics::inverse::travel;
 use crate::kinematics::range::nearest_turn;
@@ -33,8 +32,8 @@ pub struct FiveAxisPoint {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Toward {
-    /// By the two rotary axes (first the one next to the work), degrees: each turns evenly, an axis that rolls over the
-    /// shortest path.
+    /// By the two rotary axes (first the one next to the work), degrees: each turns evenly to this value, however many turns that
+    /// is.
     Angles([f64; 2]),
     /// By a vector in work coordinates, of any length: along the great circle.
     Vector(Vec3),
@@ -231,17 +230,9 @@ impl Kinematics {
         setup: &Setup,
         start: &FiveAxisPoint,
         block: &FiveAxisBlock<'_>,
-        angles: [f64; 2],
+        to: [f64; 2],
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
         let from = self.rotary_deg(&start.position);
-        let to: [f64; 2] = core::array::from_fn(|axis| match self.joints[self.rotary[axis]].wrap {
-            Wrap::Counting => angles[axis],
-            Wrap::Rollover => {
-                let turns =
-                    nearest_turn(angles[axis].to_radians(), from[axis].to_radians()) - angles[axis].to_radians();
-                angles[axis] + 360.0 * libm::round(turns / core::f64::consts::TAU)
-            }
-        });
         let end = self.point_with(block.end_mm, to, &start.position, setup).map_err(FiveAxisRefusal::at(1.0))?;
         let end_distance = self.pole_distance_rad(to.map(f64::to_radians));
         let start_distance = self.pole_distance_rad(from.map(f64::to_radians));

@@ -65,14 +65,13 @@ impl Guide {
         parts: &[Spline],
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
         let length_mm: f64 = parts.iter().map(Spline::length_mm).sum();
-        let from_rad = self.kinematics.from_position(&start.position).rotary_rad;
+        let from_deg = self.kinematics.letters().1.map(|axis| start.position[axis.index()]);
         let toward = |share: f64| -> Result<Toward, FiveAxisRefusal> {
             Ok(match block.toward {
                 toward if share >= 1.0 => toward,
-                Toward::Angles(angles_deg) => Toward::Angles([0, 1].map(|axis| {
-                    let to_rad = self.kinematics.approach(axis, angles_deg[axis].to_radians(), from_rad[axis]);
-                    (from_rad[axis] + (to_rad - from_rad[axis]) * share).to_degrees()
-                })),
+                Toward::Angles(to_deg) => {
+                    Toward::Angles([0, 1].map(|axis| from_deg[axis] + (to_deg[axis] - from_deg[axis]) * share))
+                }
                 Toward::Vector(direction) => Toward::Vector(GreatCircle::new(start.direction, direction)?.at(share)),
             })
         };

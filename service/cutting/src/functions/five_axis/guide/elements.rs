@@ -32,12 +32,13 @@ impl Guide {
             if matches!(motion, Err(FiveAxisRefusal::Opposite(_))) || motion.as_ref().is_ok_and(is_there) {
                 return motion;
             }
-            let block = FiveAxisBlock { toward: Toward::Angles(chosen_rad.map(f64::to_degrees)), ..*block };
+            let block = FiveAxisBlock { toward: self.approached(chosen_rad.map(f64::to_degrees), start), ..*block };
             let motion = self.kinematics.elements(setup, start, &block)?;
             let direction = unit(target).unwrap_or(motion.end.direction);
             return Ok(FiveAxisMotion { end: FiveAxisPoint { direction, ..motion.end }, ..motion });
         };
-        let turn = FiveAxisBlock { end_mm: start.tip_mm, curve: None, toward: Toward::Angles(angles), ..*block };
+        let toward = self.approached(angles, start);
+        let turn = FiveAxisBlock { end_mm: start.tip_mm, curve: None, toward, ..*block };
         let turn = self.kinematics.elements(setup, start, &turn)?;
         let (stood, start) = (start, FiveAxisPoint { direction: start.direction, ..turn.end });
         let motion = self.kinematics.elements(setup, &start, block)?;
@@ -45,6 +46,12 @@ impl Guide {
         let turn_in_pole_rad = (turn.end.position[place] - stood.position[place]).abs().to_radians();
         let elements = turn.elements.into_iter().chain(motion.elements).collect();
         Ok(FiveAxisMotion { elements, turn_in_pole_rad: motion.turn_in_pole_rad.max(turn_in_pole_rad), ..motion })
+    }
+
+    /// Rotary angles, degrees, as those of them that are nearest.
+    fn approached(&self, angles_deg: [f64; 2], start: &FiveAxisPoint) -> Toward {
+        let from_deg = self.kinematics.letters().1.map(|axis| start.position[axis.index()]);
+        Toward::Angles([0, 1].map(|axis| self.kinematics.approach_deg(axis, angles_deg[axis], from_deg[axis])))
     }
 
     /// Rotary angles, degrees, to turn to before a block that leaves a pole; nothing where there is nothing to turn.

@@ -1,6 +1,6 @@
 //! Guided moves that cannot be made: findings with their numbers and cures.
 
-use feedwave_motion::kinematics::{FiveAxisRefusal, KinematicsError, Toward};
+use feedwave_motion::kinematics::{FiveAxisPoint, FiveAxisRefusal, KinematicsError, Toward};
 use feedwave_program::{Axis, Finding, GuidedMove, SourceSpan, ToolGuide};
 
 use super::super::ahead::CutNote;
@@ -8,7 +8,32 @@ use super::super::code;
 use super::Guide;
 use crate::shared::code::AXIS_MISSING;
 
+/// Half a turn is as far in one direction as in the other, within this, degrees.
+const HALF_TURN_TOLERANCE_DEG: f64 = 1e-9;
+
 impl Guide {
+    /// An absolute angle of an axis that rolls over half a turn away: both directions are equally short.
+    pub(super) fn half_a_turn(&self, guided: &GuidedMove, from: &FiveAxisPoint, span: SourceSpan) -> Option<Finding> {
+        if guided.guide != ToolGuide::Angles {
+            return None;
+        }
+        let (step, rotary) = (&guided.step, self.kinematics.letters().1);
+        let is_doubtful = |&turning: &usize| {
+            let (axis, place) = (rotary[turning], rotary[turning].index());
+            let turn_deg = step.end[place] + step.work_offset[place] - from.position[place];
+            let is_placed = !guided.held.contains(axis) && !guided.turned.contains(axis);
+            let from_half_deg = libm::remainder(turn_deg - 180.0, 360.0).abs();
+            is_placed && self.kinematics.rolls_over(turning) && from_half_deg <= HALF_TURN_TOLERANCE_DEG
+        };
+        let axis = rotary[(0..2).find(is_doubtful)?];
+        let (letter, place) = (axis.letter(), axis.index());
+        let present_deg = from.position[place] - step.work_offset[place];
+        let message =
+            format!("{letter}{} is half a turn from {present_deg}: both directions are equally short", step.end[place]);
+        let finding = Finding::new(code::FIVE_AXIS_OPPOSITE, span, message).with_value("present", present_deg, "deg");
+        Some(finding.suggest("go there in two moves, or by an incremental word"))
+    }
+
     /// Adds what helps where a rotary axis would leave its range, rad: with vectors another approach may, with angles
     /// only other angles do. Angles are those of the program, thus without the work offset.
     pub(super) fn cure_range(
