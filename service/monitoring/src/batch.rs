@@ -158,8 +158,12 @@ pub enum Event {
         /// First setpoint of what was judged.
         setpoint_index: u64,
     },
-    /// The clock of the sensors shows this time in ns: notices silence and stale stamps.
+    /// The clock of the sensors shows this time in ns: notices silence, and stamps that are stale or far ahead.
     Clock(u64),
+    /// What the clock of the sensors shows is not known, as behind a new connection.
+    ClockUnknown,
+    /// The clock of the sensors was set to this time in ns: what was stamped before says nothing of silence.
+    ClockSet(u64),
 }
 
 /// An event that is impossible; the monitor is as it was.

@@ -89,7 +89,7 @@ pub enum HoldReason {
     StuckSensor,
     /// A needed column is missing.
     SensorMissing,
-    /// Time stamps that do not rise.
+    /// Time stamps that do not rise, or are far ahead of the clock.
     TimeOutOfOrder,
     /// A jump of the time stamps beyond the largest gap.
     TimeGap,

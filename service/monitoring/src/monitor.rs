@@ -297,6 +297,12 @@ impl Monitor {
                     self.fall_silent(sink);
                 }
             }
+            Event::ClockUnknown => self.run.clock_ns = None,
+            Event::ClockSet(now_ns) => {
+                self.run.clock_ns = Some(now_ns);
+                self.run.last_ns = None;
+                self.distrust();
+            }
         }
         Ok(())
     }
@@ -327,6 +333,12 @@ impl Monitor {
     /// Time since the sample before, in ns, and whether the time stamp can be believed.
     #[inline]
     fn step_ns(&mut self, time_ns: u64, sink: &mut dyn FnMut(Decision)) -> u64 {
+        let is_ahead = |of: Option<u64>, by: u64| of.is_some_and(|of| time_ns.saturating_sub(of) > by);
+        if is_ahead(self.run.last_ns, self.times.max_gap) && is_ahead(self.run.clock_ns, self.times.stale) {
+            // Nothing has been stamped then: it is no silence, and what follows is not late.
+            self.distrust();
+            return self.times.period;
+        }
         let last = self.run.last_ns.replace(time_ns);
         let was_silent = self.run.silence != Silence::None;
         let age = self.run.clock_ns.map_or(0, |clock| clock.saturating_sub(time_ns));
@@ -358,6 +370,14 @@ impl Monitor {
         self.run.channels.interrupt();
         // A stamp that cannot be believed still moves the window on, so that every window ends.
         self.times.period
+    }
+
+    /// A time stamp cannot be believed: the window is void, and what is before does not go on behind.
+    #[cold]
+    fn distrust(&mut self) {
+        self.run.window.invalidate(HoldReason::TimeOutOfOrder);
+        self.run.window.interrupt();
+        self.run.channels.interrupt();
     }
 
     #[inline]

@@ -96,6 +96,56 @@ fn a_clock_that_jumps_back_or_ahead() {
     }
 }
 
+/// Batches of 100 samples, with the clock told before each, as a connection does.
+fn told_the_clock(monitor: &mut Monitor, columns: &Columns, true_ns: impl Fn(usize) -> u64) -> Vec<Decision> {
+    let mut decisions = Vec::new();
+    for (sequence, from) in (0..columns.len()).step_by(100).enumerate() {
+        let to = columns.len().min(from + 100);
+        decisions.extend(note(monitor, Event::Clock(true_ns(to - 1))));
+        monitor.push(&columns.batch(sequence as u64, from, to), &mut |decision| decisions.push(decision)).unwrap();
+    }
+    decisions
+}
+
+#[test]
+fn one_stamp_far_ahead_of_the_clock_voids_its_window_only() {
+    let hour_ns = 3_600_000_000_000;
+    let mut columns = cutting([0.05, 0.0], 3);
+    let true_ns = columns.time_ns.clone();
+    columns.time_ns[INSIDE] += hour_ns;
+    let mut config = config();
+    config.rules.fallback = Fallback::Full;
+    let decisions = told_the_clock(&mut monitor(config), &columns, |index| true_ns[index]);
+    let void = Reason::Data(HoldReason::TimeOutOfOrder);
+    assert_eq!(reasons(&decisions), [Reason::ToolFit, void, Reason::FeedAboveLimit, Reason::FeedAboveLimit]);
+}
+
+#[test]
+fn a_clock_that_was_set_ahead_is_no_silence() {
+    let hour_ns = 3_600_000_000_000;
+    let mut columns = cutting([0.05, 0.0], 3);
+    columns.time_ns[INSIDE..].iter_mut().for_each(|time| *time += hour_ns);
+    let mut config = config();
+    config.rules.fallback = Fallback::Full;
+    let mut monitor = monitor(config);
+    let mut decisions = Vec::new();
+    for (sequence, from) in (0..columns.len()).step_by(100).enumerate() {
+        let to = columns.len().min(from + 100);
+        let is_set = from <= INSIDE + 200 && INSIDE + 200 < to;
+        let behind_ns = if from < INSIDE + 200 && !is_set { hour_ns } else { 0 };
+        let now_ns = columns.time_ns[to - 1];
+        let event = if is_set { Event::ClockSet(now_ns) } else { Event::Clock(now_ns.saturating_sub(behind_ns)) };
+        if from >= INSIDE || is_set {
+            decisions.extend(note(&mut monitor, event));
+        }
+        monitor.push(&columns.batch(sequence as u64, from, to), &mut |decision| decisions.push(decision)).unwrap();
+    }
+    let void = Reason::Data(HoldReason::TimeOutOfOrder);
+    assert!(!reasons(&decisions).contains(&Reason::Silence), "{:?}", reasons(&decisions));
+    assert!(reasons(&decisions).contains(&void), "{:?}", reasons(&decisions));
+    assert_eq!(reasons(&decisions).last(), Some(&Reason::FeedAboveLimit));
+}
+
 #[test]
 fn stamps_too_dense_to_be_true_end_the_window() {
     let mut columns = cutting([0.05, 0.0], 6);

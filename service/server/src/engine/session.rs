@@ -23,11 +23,13 @@ use prost::Message as _;
 use proto::machine_event::Event as ProtoEvent;
 use uuid::Uuid;
 
+use self::clock::SensorClock;
 use self::messages::{batch_error, check_size, columns, event_from_proto, note_of};
 use crate::error::{Error, Result, Violations};
 use crate::observability::metrics::Metrics;
 use crate::stored::{self, name_decision};
 
+mod clock;
 mod messages;
 
 /// Most samples of a batch.
@@ -40,33 +42,15 @@ const MAX_DECISION_NOTE_CHARACTERS: usize = 1_000;
 const COMMIT_INTERVAL: Duration = Duration::from_millis(100);
 /// A large state becomes durable less often, so that it is written at this rate at most, bytes/s.
 const STATE_BYTES_PER_S: usize = 4 << 20;
-/// How much faster than the sensors' clock ours may run before telemetry seems to fall behind: drift of cheap clocks.
-const MAX_DRIFT: f64 = 2e-4;
-
-/// The clock of the sensors, as the arrival of their time stamps shows it.
-#[derive(Clone, Copy, Debug)]
-struct SensorClock {
-    /// Time of the sensors at `since`, ns: the latest that any batch has shown, less the drift since then.
-    at_ns: u64,
-    since: Instant,
-}
-
-impl SensorClock {
-    fn now_ns(&self, now: Instant) -> u64 {
-        let elapsed_ns = now.saturating_duration_since(self.since).as_nanos() as f64 * (1.0 - MAX_DRIFT);
-        self.at_ns.saturating_add(elapsed_ns as u64)
-    }
-}
-
 /// The monitor of a run and what of it is not durable yet.
 pub(super) struct Session {
     store: Store,
     run: Uuid,
     attachment: u64,
     monitor: Monitor,
-    clock: Option<SensorClock>,
-    /// When the newest samples came, and the last time stamp among them, ns.
-    last_arrival: Option<(Instant, u64)>,
+    clock: SensorClock,
+    /// When the newest samples came.
+    last_arrival: Option<Instant>,
     /// The silence since then was reported to the monitor.
     silence_told: bool,
     /// Whether a thread is being cut: by the setpoints handed out, where there are any, and by what the client says.
@@ -119,12 +103,17 @@ impl Session {
             Error::internal(format!("the state of run {} cannot be read: {error}", attached.run.id))
         };
         let now = Instant::now();
+        let mut monitor = Monitor::restore(&attached.monitor).map_err(unreadable)?;
+        // What its clock showed was before the connection.
+        monitor.note(Event::ClockUnknown, &mut |_| {}).map_err(Error::internal)?;
+        let quality = &monitor.config().quality;
+        let [stale, gap] = [quality.stale_s, quality.max_gap_s].map(Duration::from_secs_f64);
         Ok(Self {
             store,
             run: attached.run.id,
             attachment: attached.attachment,
-            monitor: Monitor::restore(&attached.monitor).map_err(unreadable)?,
-            clock: sensor_time_ns.map(|at_ns| SensorClock { at_ns, since: now }),
+            monitor,
+            clock: SensorClock::new(sensor_time_ns, now, stale, gap),
             last_arrival: None,
             silence_told: false,
             pass: None,
@@ -228,17 +217,13 @@ impl Session {
                 note.clone_into(&mut decision.note);
             }
         }
-        if let Some(&last_ns) = batch.time_ns.last() {
-            if let Some(clock) = &self.clock {
+        if !batch.time_ns.is_empty() {
+            if let Some(event) = self.clock.follow(&batch.time_ns, now) {
                 // Shows the monitor telemetry that is late.
-                let sensor_time_ns = clock.now_ns(now);
-                let noted = self.monitor.note(Event::Clock(sensor_time_ns), &mut |decision| decisions.push(decision));
+                let noted = self.monitor.note(event, &mut |decision| decisions.push(decision));
                 noted.map_err(Error::internal)?;
             }
-            if self.clock.is_none_or(|clock| clock.now_ns(now) < last_ns) {
-                self.clock = Some(SensorClock { at_ns: last_ns, since: now });
-            }
-            self.last_arrival = Some((now, last_ns));
+            self.last_arrival = Some(now);
             self.silence_told = false;
         }
         let columns = columns(batch);
@@ -284,7 +269,7 @@ impl Session {
     /// When silence has to be reported to the monitor; `None` while silence is harmless.
     pub(super) fn silence_at(&self) -> Option<Instant> {
         let arrival = self.last_arrival.filter(|_| self.monitor.is_cutting() && !self.silence_told);
-        arrival.map(|(arrival, _)| arrival + self.silence())
+        arrival.map(|arrival| arrival + self.silence())
     }
 
     /// What the monitor does not tolerate any more.
@@ -295,8 +280,7 @@ impl Session {
     /// Tells the monitor that nothing has come for the time that is tolerated.
     pub(super) fn fall_silent(&mut self) -> Result<()> {
         self.silence_told = true;
-        let last_ns = self.last_arrival.map_or(0, |(_, last_ns)| last_ns);
-        self.note(Event::Clock(last_ns.saturating_add(self.silence().as_nanos() as u64)))
+        self.note(Event::Clock(self.clock.newest_ns().saturating_add(self.silence().as_nanos() as u64)))
     }
 
     fn note(&mut self, event: Event) -> Result<()> {
