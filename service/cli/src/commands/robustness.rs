@@ -32,8 +32,8 @@ type Chart = Vec<(f64, Option<f64>)>;
 /// Arguments of `feedwave robustness`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_long_help = "Exit codes: 0 every chip breaks, and every cut is stable, for all values within the tolerances; 1 errors found, or not so;
-2 wrong usage or unreadable file.
+    after_long_help = "Exit codes: 0 every chip breaks, and every cut is stable, for all values within the tolerances, but for the ends of a vibration and
+corners on at most a hundredth of its length; 1 errors found, or not so; 2 wrong usage or unreadable file.
 
 Examples:
   feedwave robustness shaft.nc
@@ -90,6 +90,8 @@ struct Judged {
     cut: Option<(CutCondition, ChipRobustness)>,
     /// Why it is not judged, or not as a whole.
     gap: Option<String>,
+    /// What its corners leave whole on so little of the length that it is no fault.
+    corners: Option<String>,
     stability: Option<StabilityRobustness>,
     /// Lobes are given, and do not have its speeds.
     beyond_lobes: bool,
@@ -145,6 +147,12 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
     let worst =
         robust.min_by(|(_, a), (_, b)| a.worst_margin.total_cmp(&b.worst_margin).then(a.share.total_cmp(&b.share)));
     let gap = gap(section, worst.is_none());
+    let corners = section.longest_between_blends().filter(|_| gap.is_none()).map(|(line, revolutions)| {
+        format!(
+            "but at corners, on at most a hundredth of the length: whole for up to {} revolutions, from line {line} on",
+            number(revolutions, 3)
+        )
+    });
     let depth = args.stability.depth.unwrap_or_default();
     let stable = |chart: &[(f64, Option<f64>)]| {
         let of = section.chip_spans.iter().map(|span| {
@@ -171,6 +179,7 @@ fn judge(section: &SectionReport, args: &Args, chart: Option<&[(f64, Option<f64>
         },
         cut: worst,
         gap,
+        corners,
         beyond_lobes: stability == Some(None),
         stability: stability.flatten().and_then(|all| all.into_iter().min_by(|a, b| margin(a).total_cmp(&margin(b)))),
     }
@@ -238,8 +247,8 @@ fn text(judged: &[Judged], not_listed: u64, args: &Args) -> String {
                 number(chip.largest_feed_per_rev_mm, 4)
             );
         }
-        if let Some(gap) = &section.gap {
-            let _ = writeln!(text, "  {gap}");
+        for said in section.gap.iter().chain(&section.corners) {
+            let _ = writeln!(text, "  {said}");
         }
         if section.beyond_lobes {
             text.push_str("  stability: not judged, as the lobes do not have all speeds within the tolerance\n");

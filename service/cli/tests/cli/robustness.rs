@@ -26,6 +26,20 @@ fn the_trap_is_sure_to_fail_and_its_cure_to_hold() {
 }
 
 #[test]
+fn a_corner_that_leaves_revolutions_whole_is_said_however_short() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = directory.path().join("corner.nc");
+    let text = "G21 G90 G95\nG97 S1800 M3\nG0 X20 Z1\nG200 F75 A0.015\nG1 Z-1 F0.016\nG1 X24\nG201\nG0 X60\nM5\nM30\n";
+    fs::write(&program, text).unwrap();
+    let judged = run(&[&"robustness", &program]);
+    assert_eq!(code(&judged), 0, "{}", stderr(&judged));
+    let text = stdout(&judged);
+    for said in ["breaks for all values", "but at corners", "whole for up to 2.18 revolutions, from line 5 on"] {
+        assert!(text.contains(said), "{said} is not in\n{text}");
+    }
+}
+
+#[test]
 fn what_the_drives_let_through_is_what_breaks() {
     let directory = tempfile::tempdir().unwrap();
     let profile = directory.path().join("slow.toml");

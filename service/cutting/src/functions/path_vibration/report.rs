@@ -152,8 +152,16 @@ impl SectionReport {
         breaks_when_whole && self.blend.is_some() && self.broken_share == Some(0.0)
     }
 
-    /// Where blends at junctions leave at least a revolution of chip unbroken, a closed ring and more, on more than a hundredth of
-    /// the length: the line, and revolutions.
+    /// Where blends at junctions leave at least a revolution of chip unbroken, a closed ring and more, however seldom: the line, and
+    /// revolutions.
+    #[must_use]
+    pub fn longest_between_blends(&self) -> Option<(u32, f64)> {
+        let blend =
+            self.blend.as_ref().filter(|blend| blend.longest_unbroken_rev >= 1.0 && self.blended_junctions > 0)?;
+        Some((blend.longest_unbroken_line?, blend.longest_unbroken_rev))
+    }
+
+    /// As [`Self::longest_between_blends`], where it is on more than a hundredth of the length.
     #[must_use]
     pub fn unbroken_between_blends(&self) -> Option<(u32, f64)> {
         unbroken_between(self.blend.as_ref(), self.broken_share, self.blended_junctions)
