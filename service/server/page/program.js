@@ -79,10 +79,8 @@ export const program = (place, store, name) => {
     drawSource();
   };
   const runs = element("p", { class: "subtitle", hidden: true });
-  place.append(
-    title, subtitle, runs, notice, element("div", { class: "side-by-side" }, element("div", {}, tools, scroller, keys), picture.root),
-    chipPictures.root,
-  );
+  const shown = element("div", { class: "side-by-side" }, element("div", {}, tools, scroller, keys), picture.root);
+  place.append(title, subtitle, runs, notice, shown, chipPictures.root);
   // What is under the pointer, or under the focus of the keyboard, is marked in both.
   const lineUnder = (node) => Number(node.closest?.(".source-line")?.dataset.line ?? 0);
   lines.addEventListener("pointerover", (event) => picture.mark(lineUnder(event.target)));
@@ -216,6 +214,8 @@ export const program = (place, store, name) => {
     const others = elsewhere.map((finding) => [`${findingName(finding)}${finding.file ? ` ${t("inFile", { file: finding.file })}` : ""}: `, inEnglish(finding.message)]);
     setLines(notice, [said, ...others].filter((line) => line.length > 0));
     setAttribute(notice, "hidden", notice.textContent === "");
+    // Of a job that is not there is nothing to see.
+    setAttribute(shown, "hidden", !job && failure !== null);
     setText(previous, t("previous"));
     setText(next, t("next"));
     for (const button of [previous, next]) setAttribute(button, "disabled", findings.length === 0);

@@ -49,6 +49,8 @@ export const run = (place, store, name) => {
   let decisions = [];
   let selected = null;
   let failure = null;
+  /** The decisions so far are read. */
+  let areRead = false;
   const feeds = [];
   /** Feed overrides in force, of the time that this page is open. */
   const inForce = [];
@@ -141,8 +143,10 @@ export const run = (place, store, name) => {
         setText(row.children[1], [one.raiseTime ? t("sinceTime", { time: clock(one.raiseTime) }) : "", seen].filter(Boolean).join(" · "));
       },
     );
+    // Before the machines are read nothing is known of it.
     const isTold = machine !== null || record.state !== "RUN_STATE_OPEN";
-    setText(alarmTitle, own.length > 0 ? t("condition") : t(isTold ? "noConditions" : "notShown"));
+    const nothing = !store.isRead ? "loading" : isTold ? "noConditions" : "notShown";
+    setText(alarmTitle, t(own.length > 0 ? "condition" : nothing));
   };
 
   /** Where the axis begins and ends, and where on it now is, while the run is open. */
@@ -189,7 +193,7 @@ export const run = (place, store, name) => {
     const [from, to, now] = times();
     setAttribute(timeline, "data-open", now !== undefined);
     if (now !== undefined) timeline.style.setProperty("--now", timePlace(now, from, to));
-    setText(decisionTitle, decisions.length > 0 ? t("decisions") : t("noDecisions"));
+    setText(decisionTitle, t(decisions.length > 0 ? "decisions" : areRead ? "noDecisions" : "loading"));
     setAttribute(timeline, "aria-label", t("decisions"));
     setAttribute(timeline, "hidden", decisions.length === 0);
     setAttribute(timeline, "data-dense", decisions.length > 100);
@@ -318,6 +322,7 @@ export const run = (place, store, name) => {
     try {
       await readRecord();
       await readDecisions();
+      areRead = true;
       failure = null;
     } catch (error) {
       if (stop.signal.aborted) return;

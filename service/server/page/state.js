@@ -1,7 +1,7 @@
 // What a machine does, in words, colours and shapes. Normal is quiet: only exceptions have a colour.
 
 import { oldMs } from "./api.js";
-import { code, duration, measured, short, t } from "./text.js";
+import { clock, code, duration, measured, short, t } from "./text.js";
 import { element, setAttribute, setText } from "./dom.js";
 
 const WORDS = {
@@ -104,7 +104,9 @@ export const feedReason = (run) => {
     const numbers = [process.value, limit].map((value) => measured(value, process.unit));
     return `${propertyOf(process)} ${numbers[0]} ${above ? ">" : "<"} ${numbers[1]} ${process.unit}`;
   }
-  return reason === "DATA" ? code(short(outcome.holdReason, "HOLD_REASON_")) : code(reason);
+  const why = reason === "DATA" ? code(short(outcome.holdReason, "HOLD_REASON_")) : code(reason);
+  // Later decisions have kept it: when it was made is not when the last one was.
+  return keeps && decision.time ? `${why} (${t("sinceTime", { time: clock(decision.time) })})` : why;
 };
 
 /** How long ago the last decision was made, in words; empty where there is none. */
