@@ -7,6 +7,8 @@
 # The store's suite, the end-to-end tests and replicas under faults, or the command, which finds in FEEDWAVE_TEST_STORE the
 # URI of a store with {} where the name of an empty database goes. The server is Debian's: the one that is installed, or else packages unpacked into the target
 # directory, so that nothing is installed.
+#
+# FEEDWAVE_TEST_FSYNC=on has it force out what it commits, for figures of what is durable.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 source .ci/debian
@@ -54,7 +56,7 @@ start() {
     : >"$folder/server.log"
     # Of a group of its own, and through no shell that waits: the process that is ended is the server's.
     setsid "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$bin/postgres" -D "$folder/data" -p "$1" -k "$folder" \
-        -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning -c fsync=off \
+        -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning -c "fsync=${FEEDWAVE_TEST_FSYNC:-off}" \
         -c ssl=on -c ssl_cert_file=database.pem -c ssl_key_file=database-key.pem -c ssl_ca_file=ca.pem \
         >>"$folder/server.log" 2>&1 </dev/null &
     echo "$!" >"$folder/pid"
