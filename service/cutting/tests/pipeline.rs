@@ -317,6 +317,12 @@ fn an_axis_that_a_lathe_lacks_may_be_a_word_of_the_drawing() {
     config.profile.language.plain_drawing_words = true;
     let report = validate(program, &config);
     assert!(!report.findings.iter().any(|finding| finding.severity == Severity::Error), "{:?}", report.findings);
+    // An axis that turns by itself, or at rapid, is none of the drawing.
+    for program in ["M3 S500\nG0 C90\nM30\n", "M3 S500\nG98 G1 C90 F100\nM30\n"] {
+        let report = validate(program, &lathe());
+        let missing = report.findings.iter().find(|finding| finding.code == "AXIS-MISSING").expect("it has no C");
+        assert_eq!(missing.suggestions.len(), 1, "{program}");
+    }
     // On a mill they are axes.
     let report = validate("G1 X10 C5 F100\nM30\n", &mill());
     let missing = report.findings.iter().find(|finding| finding.code == "AXIS-MISSING").expect("it has no C");

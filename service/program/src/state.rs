@@ -101,6 +101,8 @@ pub struct InterpreterState {
     /// Between `G10 L50` and `G11`: the line of its start.
     pub(crate) skipping_data: Option<u32>,
     pub(crate) path_control: PathControl,
+    /// The last code of path control in tenths, 0 before the first: FANUC has it in #4015.
+    pub(crate) path_code: u16,
     /// The path control before contour control (`G5.1 Q1`, `G5 P10000`, `G8 P1`, `G187`), while it is on.
     pub(crate) before_contour: Option<PathControl>,
     /// Where the last probing move would have ended without a contact, in work coordinates.
@@ -445,6 +447,7 @@ impl InterpreterState {
             x_diameter: settings.x_word == crate::XWord::Diameter,
             skipping_data: None,
             path_control: settings.path_control(settings.initial_path_control),
+            path_code: 0,
             before_contour: None,
             corner: None,
             angle_line: None,

@@ -16,13 +16,14 @@ pub(crate) fn is_rotary_only(element: &Element) -> bool {
         && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis))
 }
 
-/// A word of an axis that the machine does not have; one finding for all of its words.
-pub(crate) fn missing(axis: Axis, span: SourceSpan, machine: &Machine) -> Finding {
+/// A word of an axis that the machine does not have; one finding for all of its words. `is_cut` along X or Z: there A and C may be
+/// words of the drawing.
+pub(crate) fn missing(axis: Axis, span: SourceSpan, machine: &Machine, is_cut: bool) -> Finding {
     let letter = axis.letter();
     let finding = Finding::new(code::AXIS_MISSING, span, format!("the machine has no {letter} axis"))
         .suggest("remove the word, or add the axis to the machine profile")
         .everywhere(letter.to_string());
-    if machine.kind == MachineKind::Lathe && matches!(axis, Axis::A | Axis::C) {
+    if is_cut && machine.kind == MachineKind::Lathe && matches!(axis, Axis::A | Axis::C) {
         let cure = "where A is the angle of a line and C a chamfer, set language.plain_drawing_words of the machine profile to true";
         return finding.suggest(cure);
     }

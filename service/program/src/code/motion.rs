@@ -70,6 +70,16 @@ crate::finding_codes! {
         example: lathe("G4"),
     }
 
+    "PRG-ARC-INVERSE-TIME" [ARC_INVERSE_TIME: Error] {
+        meaning: "an arc under inverse time (`G93`), whose F controls read differently",
+        cause: "FANUC controls have F of a line as its speed over its length, but F of an arc as its speed over its radius; Haas and \
+              LinuxCNC have one over the time for both.",
+        cure: "Write the arc under `G94` with its feed; on a Haas control say so in the profile \
+              (`language.drilling.style` or `language.coordinates.style`).",
+        explained_by: modal("FG"),
+        example: mill("M3 S1000\nG93 G2 X10 Y10 R10 F5"),
+    }
+
     "PRG-ARC-CENTRE-MISSING" [ARC_CENTRE_MISSING: Error] {
         meaning: "an arc with neither a centre nor a radius",
         cause: "I, J, K and R are missing, or belong to axes outside the plane in force.",

@@ -116,6 +116,15 @@ crate::finding_codes! {
         example: lathe("M10"),
     }
 
+    "PRG-MACHINE-SPEED" [MACHINE_CODE_SPEED: Warning] {
+        meaning: "an S beside an M code that nobody has listed, read as the speed of the main spindle",
+        cause: "M codes of machine builders start live tools and second spindles, and take the S of their block; others, such as `M13`, \
+              start the main spindle.",
+        cure: "List the M code in `machine_codes` of the profile's language with its word S, or in `code_replacements` with the codes that it \
+              stands for; or write the S of the main spindle in a block of its own.",
+        example: lathe("M133 S300"),
+    }
+
     "PRG-MACHINE-WORD" [MACHINE_WORD: Error] {
         meaning: "an M code without a word that it needs, or with one out of its range",
         cause: "An output without its number or its value, a wait without its time, a spindle angle beyond 360 degrees.",

@@ -5,8 +5,8 @@ mod tests;
 
 use std::sync::OnceLock;
 
-use super::lathe::system_codes;
-use super::tables::code;
+use super::lathe::{haas_codes, system_codes};
+use super::tables::{HAAS_M_CODES, HAAS_MILL_M_CODES, code};
 use super::{Code, Dialect, Group, MachineRule, Meaning, letter_bit, machine_codes};
 use crate::code_replacement::Replacement;
 use crate::{DialectName, Function, FunctionCodes, LanguageSettings};
@@ -65,9 +65,8 @@ impl CodeTable {
             known: Default::default(),
         };
         // The profile's own codes come last, so that they win over a dialect's.
-        let system = system_codes(settings).iter().copied();
-        table.add(b'G', dialect.g_codes().copied().chain(system).chain(functions));
-        table.add(b'M', dialect.m_codes().copied().chain(switches));
+        table.add(b'G', g_codes(settings).copied().chain(functions));
+        table.add(b'M', m_codes(settings).copied().chain(switches));
         table.replace(settings);
         table
     }
@@ -182,11 +181,25 @@ impl CodeTable {
     }
 }
 
+/// The G codes of a control; of several with one number the last counts.
+fn g_codes(settings: &LanguageSettings) -> impl Iterator<Item = &'static Code> {
+    Dialect::of(settings).g_codes().chain(system_codes(settings)).chain(haas_codes(settings))
+}
+
+/// The M codes that a control carries out itself, as [`g_codes`].
+fn m_codes(settings: &LanguageSettings) -> impl Iterator<Item = &'static Code> {
+    let haas: [&[Code]; 2] = match (settings.is_haas(), settings.dialect) {
+        (true, DialectName::Mill) => [HAAS_M_CODES, HAAS_MILL_M_CODES],
+        (true, _) => [HAAS_M_CODES, &[]],
+        (false, _) => [&[], &[]],
+    };
+    Dialect::of(settings).m_codes().chain(haas.into_iter().flatten())
+}
+
 /// Whether a dialect, apart from the profile's function codes, carries out the G code of this number.
 pub(crate) fn carries_out_g_code(settings: &LanguageSettings, number: f64) -> bool {
-    let codes = Dialect::of(settings).g_codes().chain(system_codes(settings));
     let Some(number) = tenths(number) else { return false };
-    let last = codes.filter(|code| code.tenths as usize == number).last();
+    let last = g_codes(settings).filter(|code| code.tenths as usize == number).last();
     last.is_some_and(|code| code.meaning.is_carried_out())
 }
 

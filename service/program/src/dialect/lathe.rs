@@ -1,7 +1,7 @@
 //! The tables of lathes: what all of them share, and the codes of each G-code system.
 
 use super::tables::{
-    COMMON_LETTERS, FANUC_G_CODES, FANUC_M_CODES, FANUC_M_CODES_IN_A_BLOCK, code, doubtful, with_letters,
+    COMMON_LETTERS, FANUC_G_CODES, FANUC_M_CODES, FANUC_M_CODES_IN_A_BLOCK, code, doubtful, unsupported, with_letters,
 };
 use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
 use crate::GCodeSystem::{A, B, C};
@@ -121,14 +121,16 @@ const LATHE_G_CODES: &[Code] = &[
         Meaning::OfNoSystem("the threading cycle of G-code system B, and the multiple threading cycle of C"),
     ),
     code(790, Group::Motion, Meaning::OfNoSystem("the facing cycle of G-code system B")),
-    code(1_120, Group::NonModal, Meaning::Unsupported("polar coordinate interpolation")),
-    code(1_130, Group::NonModal, Meaning::Unsupported("the end of polar coordinate interpolation")),
-    code(140, Group::NonModal, Meaning::Unsupported("swapping the spindles of Haas lathes")),
-    code(150, Group::NonModal, Meaning::Unsupported("the end of swapping the spindles of Haas lathes")),
-    code(1_000, Group::NonModal, Meaning::Unsupported("the end of the mirror image of Haas lathes")),
-    code(1_010, Group::NonModal, Meaning::Unsupported("the mirror image of Haas lathes")),
+    code(680, Group::Rotation, Meaning::Unsupported("the mirror image of double turrets, or balanced cutting")),
+    code(690, Group::Rotation, Meaning::AlreadySo),
+    code(1_120, Group::PolarInterpolation, Meaning::Unsupported("polar coordinate interpolation")),
+    code(1_130, Group::PolarInterpolation, Meaning::AlreadySo),
+    code(140, Group::PolarCoordinates, Meaning::Unsupported("swapping the spindles of Haas lathes")),
+    code(150, Group::PolarCoordinates, Meaning::AlreadySo),
+    code(1_000, Group::Mirror, Meaning::AlreadySo),
+    code(1_010, Group::Mirror, Meaning::Unsupported("the mirror image of Haas lathes")),
     code(1_030, Group::NonModal, Meaning::BlockLimit),
-    code(1_050, Group::NonModal, Meaning::Unsupported("the bar feeder of Haas lathes")),
+    unsupported(1_050, "the bar feeder of Haas lathes"),
     code(1_560, Group::Motion, Meaning::Unsupported("broaching on Haas lathes")),
     code(1_840, Group::Motion, Meaning::Unsupported("tapping of left-hand threads on Haas lathes")),
     code(1_860, Group::Motion, Meaning::Unsupported("tapping of left-hand threads with live tools on Haas lathes")),
@@ -138,8 +140,8 @@ const LATHE_G_CODES: &[Code] = &[
         Group::Motion,
         Meaning::Unsupported("radial tapping of left-hand threads with live tools on Haas lathes"),
     ),
-    code(1_980, Group::NonModal, Meaning::Unsupported("the end of synchronous spindles of Haas lathes")),
-    code(1_990, Group::NonModal, Meaning::Unsupported("synchronous spindles of Haas lathes")),
+    unsupported(1_980, "the end of synchronous spindles of Haas lathes"),
+    unsupported(1_990, "synchronous spindles of Haas lathes"),
     code(2_410, Group::Motion, Meaning::Unsupported("radial drilling on Haas lathes")),
     code(2_420, Group::Motion, Meaning::Unsupported("radial spot drilling on Haas lathes")),
     code(2_430, Group::Motion, Meaning::Unsupported("radial peck drilling on Haas lathes")),
@@ -158,6 +160,16 @@ const LATHE_G_CODES: &[Code] = &[
     code(980, Group::CycleReturn, Meaning::FeedOrReturn { to_r: false }),
     code(990, Group::CycleReturn, Meaning::FeedOrReturn { to_r: true }),
 ];
+
+/// What Haas lathes have in the place of codes of FANUC's systems.
+const HAAS_LATHE_G_CODES: &[Code] =
+    &[code(950, Group::Motion, Meaning::Unsupported("rigid tapping with live tools on Haas lathes"))];
+
+/// The G codes of a lathe whose control is one of Haas, which come behind those of every system.
+pub(super) fn haas_codes(settings: &LanguageSettings) -> &'static [Code] {
+    let is_lathe = settings.dialect == DialectName::Lathe;
+    if is_lathe && settings.is_haas() { HAAS_LATHE_G_CODES } else { &[] }
+}
 
 /// The G codes that the G-code system named by a lathe's profile reads differently, after which those of [`LATHE_G_CODES`]
 /// count.

@@ -39,10 +39,12 @@ pub(crate) enum Group {
     /// LinuxCNC's `M100` to `M199`.
     UserCode,
     Subprogram,
+    StrokeCheck,
+    PolarInterpolation,
 }
 
 /// Number of modal groups.
-pub(crate) const GROUP_COUNT: usize = Group::Subprogram as usize + 1;
+pub(crate) const GROUP_COUNT: usize = Group::PolarInterpolation as usize + 1;
 
 impl Group {
     /// The group's name in messages.
@@ -78,6 +80,8 @@ impl Group {
             Self::Signal => "output",
             Self::UserCode => "user",
             Self::Subprogram => "subprogram",
+            Self::StrokeCheck => "stroke check",
+            Self::PolarInterpolation => "polar interpolation",
         }
     }
 }
@@ -290,7 +294,7 @@ pub(crate) enum Meaning {
     },
     /// `G67`
     MacroCallEnd,
-    /// States what is the case anyway; every post writes these in its safety line.
+    /// States what is the case anyway, or ends what is not carried out; every post writes these in its safety line.
     AlreadySo,
     /// The profile has other words in its place: which of the table's replacements.
     Replaced(u8),

@@ -43,6 +43,11 @@ static CYCLE_END: OtherReading = OtherReading {
     stays: false,
 };
 
+/// A code that is known, and not carried out.
+pub(super) const fn unsupported(tenths: u32, what: &'static str) -> Code {
+    code(tenths, Group::NonModal, Meaning::Unsupported(what))
+}
+
 /// G codes all dialects share.
 pub(super) const COMMON_G_CODES: &[Code] = &[
     code(0, Group::Motion, Meaning::Rapid),
@@ -102,14 +107,41 @@ pub(super) const FANUC_G_CODES: &[Code] = &[
     code(22, Group::Motion, Meaning::Unsupported("involute interpolation, clockwise")),
     code(32, Group::Motion, Meaning::Unsupported("involute interpolation, counter-clockwise")),
     code(62, Group::Motion, Meaning::Unsupported("NURBS interpolation of FANUC controls")),
-    code(70, Group::NonModal, Meaning::Unsupported("hypothetical axis interpolation")),
-    code(71, Group::NonModal, Meaning::Unsupported("cylindrical interpolation")),
-    code(121, Group::NonModal, Meaning::Unsupported("polar coordinate interpolation")),
-    code(131, Group::NonModal, Meaning::Unsupported("the end of polar coordinate interpolation")),
-    code(220, Group::NonModal, Meaning::Unsupported("stored stroke check")),
-    code(230, Group::NonModal, Meaning::Unsupported("the end of stored stroke check")),
-    code(270, Group::NonModal, Meaning::Unsupported("reference position check")),
-    code(661, Group::NonModal, Meaning::Unsupported("a macro call behind every block")),
+    unsupported(70, "hypothetical axis interpolation"),
+    unsupported(71, "cylindrical interpolation"),
+    code(121, Group::PolarInterpolation, Meaning::Unsupported("polar coordinate interpolation")),
+    code(131, Group::PolarInterpolation, Meaning::AlreadySo),
+    code(220, Group::StrokeCheck, Meaning::Unsupported("stored stroke check")),
+    code(230, Group::StrokeCheck, Meaning::AlreadySo),
+    unsupported(23, "exponential interpolation, clockwise"),
+    unsupported(33, "exponential interpolation, counter-clockwise"),
+    unsupported(24, "a circle in space, clockwise"),
+    unsupported(34, "a circle in space, counter-clockwise"),
+    unsupported(54, "high-speed cycle machining: a table of positions that the control holds"),
+    unsupported(106, "retraction to a stored position"),
+    unsupported(109, "switching between diameters and radii"),
+    unsupported(270, "reference position check"),
+    unsupported(301, "the floating reference position"),
+    unsupported(390, "an arc at a corner of a compensated contour"),
+    unsupported(401, "the end of the tool turned at right angles to the path"),
+    unsupported(411, "the tool turned at right angles to the path, left"),
+    unsupported(421, "the tool turned at right angles to the path, right"),
+    unsupported(450, "lengthening a move by a tool offset"),
+    unsupported(460, "shortening a move by a tool offset"),
+    unsupported(480, "shortening a move by twice a tool offset"),
+    code(502, Group::Scaling, Meaning::AlreadySo),
+    code(512, Group::Scaling, Meaning::Unsupported("polygon turning")),
+    unsupported(542, "the fixture offset of a rotary table"),
+    unsupported(544, "the compensation of a misplaced workpiece"),
+    unsupported(600, "positioning from one side"),
+    unsupported(721, "a figure copied by rotation"),
+    unsupported(722, "a figure copied in a row"),
+    unsupported(804, "the end of an electronic gear box"),
+    unsupported(814, "an electronic gear box"),
+    unsupported(811, "chopping of grinding machines"),
+    unsupported(842, "rigid tapping of older controls: write M29 S and G84"),
+    unsupported(843, "rigid tapping of left-hand threads of older controls: write M29 S and G74"),
+    unsupported(661, "a macro call behind every block"),
     code(110, Group::NonModal, Meaning::DataSettingEnd),
     code(290, Group::NonModal, Meaning::ReferenceReturn),
     code(310, Group::NonModal, Meaning::Skip),
@@ -146,6 +178,15 @@ pub(super) const FANUC_G_CODES: &[Code] = &[
 /// M codes of FANUC controls and the like.
 pub(super) const FANUC_M_CODES: &[Code] =
     &[code(970, Group::Subprogram, Meaning::LocalCall), code(1_980, Group::Subprogram, Meaning::Call)];
+
+/// M codes of Haas controls that are those of the machine's builder elsewhere.
+pub(super) const HAAS_M_CODES: &[Code] = &[
+    code(960, Group::Subprogram, Meaning::Unsupported("a jump that an input decides")),
+    unsupported(1_090, "a question that the operator answers"),
+];
+
+/// Those of Haas mills beside.
+pub(super) const HAAS_MILL_M_CODES: &[Code] = &[code(160, Group::ToolChange, Meaning::ToolChange)];
 
 /// FANUC: one, or up to three by a parameter.
 pub(super) const FANUC_M_CODES_IN_A_BLOCK: u8 = 3;
@@ -230,18 +271,18 @@ const MILL_G_CODES: &[Code] = &[
     haas_offset(4),
     code(120, Group::NonModal, Meaning::CircularPocket { clockwise: true }),
     code(130, Group::NonModal, Meaning::CircularPocket { clockwise: false }),
-    code(470, Group::NonModal, Meaning::Unsupported("text engraving of Haas controls")),
+    unsupported(470, "lengthening a move by twice a tool offset, or text engraving of Haas controls"),
     code(700, Group::NonModal, Meaning::BoltHoles(BoltPattern::Circle)),
     code(710, Group::NonModal, Meaning::BoltHoles(BoltPattern::Arc)),
     code(720, Group::NonModal, Meaning::BoltHoles(BoltPattern::Line)),
     code(1_030, Group::NonModal, Meaning::BlockLimit),
-    code(1_070, Group::NonModal, Meaning::Unsupported("cylindrical mapping of Haas controls")),
-    code(1_410, Group::NonModal, Meaning::Unsupported("three-dimensional cutter compensation of Haas controls")),
-    code(1_430, Group::NonModal, Meaning::Unsupported("five-axis tool length compensation of Haas controls")),
-    code(1_500, Group::NonModal, Meaning::Unsupported("general-purpose pocket milling of Haas controls")),
-    code(2_340, Group::NonModal, Meaning::Unsupported("tool centre point control of Haas controls: write G43.4")),
-    code(2_540, Group::NonModal, Meaning::Unsupported("dynamic work offset of Haas controls: write G68.2")),
-    code(2_550, Group::NonModal, Meaning::Unsupported("the end of dynamic work offset of Haas controls")),
+    unsupported(1_070, "cylindrical mapping of Haas controls"),
+    unsupported(1_410, "three-dimensional cutter compensation of Haas controls"),
+    unsupported(1_430, "five-axis tool length compensation of Haas controls"),
+    unsupported(1_500, "general-purpose pocket milling of Haas controls"),
+    unsupported(2_340, "tool centre point control of Haas controls: write G43.4"),
+    unsupported(2_540, "dynamic work offset of Haas controls: write G68.2"),
+    code(2_550, Group::Rotation, Meaning::AlreadySo),
     code(150, Group::PolarCoordinates, Meaning::Polar { on: false }),
     code(160, Group::PolarCoordinates, Meaning::Polar { on: true }),
     code(370, Group::NonModal, Meaning::Skip),

@@ -1,9 +1,10 @@
 //! The circle of a `G2` or `G3` block, from its centre or its radius.
 
+use super::coordinates::HAAS_STYLE;
 use super::execute::{Execution, MM_PER_INCH};
 use crate::block::Word;
 use crate::code;
-use crate::dialect::letter_bit;
+use crate::dialect::{FeedUnit, letter_bit};
 use crate::state::ToolMode;
 use crate::{ArcGeometry, Axis, Finding, FindingCode, Position, SourceSpan};
 
@@ -39,6 +40,7 @@ struct Chord {
 impl Execution<'_> {
     /// The circle from the present position to `end`; `None` after a finding.
     pub(super) fn arc(&mut self, clockwise: bool, end: &Position) -> Option<ArcGeometry> {
+        self.check_inverse_time()?;
         let plane = self.state.plane;
         let (first, second) = plane.axes();
         let position = &self.state.position;
@@ -79,6 +81,24 @@ impl Execution<'_> {
         let full_turns = f64::from(turns - 1) * core::f64::consts::TAU;
         let sweep_rad = sweep(&chord, center) + if clockwise { -full_turns } else { full_turns };
         Some(ArcGeometry { plane, center, clockwise, sweep_rad })
+    }
+
+    /// Whether `G93` says how long the arc takes; nothing after a finding. On Haas and LinuxCNC it does, as for lines; FANUC controls
+    /// have F as speed over radius there.
+    fn check_inverse_time(&mut self) -> Option<()> {
+        let is_by_radius = !self.table.dialect.is_linuxcnc && !self.settings.is_haas();
+        if self.state.feed_unit != FeedUnit::InverseTime || !is_by_radius {
+            return Some(());
+        }
+        let span = self.block.word(b'F').map_or(self.block.span(), |word| self.block.word_span(word));
+        self.arc_error(code::ARC_INVERSE_TIME, span, |mut finding| {
+            finding.message.push_str(
+                "F of an arc under G93 is its speed over its radius on FANUC controls, and one over its time on others",
+            );
+            finding
+                .suggest("write the arc under G94 with its feed, and G93 with F again in the block behind it")
+                .suggest(format!("set {HAAS_STYLE} if this is such a control, where it is one over the time"))
+        })
     }
 
     /// Whether the coordinates keep circles of the plane, and polar coordinates the centre; nothing after a finding.
@@ -235,7 +255,7 @@ impl Execution<'_> {
         span: SourceSpan,
         fill: impl FnOnce(Finding) -> Finding,
     ) -> Option<T> {
-        self.used |= letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
+        self.used |= letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K') | letter_bit(b'R');
         self.findings.push_with(code, |code| fill(Finding::new(code, span, "")));
         None
     }

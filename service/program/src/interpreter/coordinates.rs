@@ -51,7 +51,7 @@ pub(super) fn rebase(
 }
 
 /// Which setting says that the control is one of Haas.
-const HAAS_STYLE: &str = "language.coordinates.style of the machine profile to COORDINATE_STYLE_HAAS";
+pub(super) const HAAS_STYLE: &str = "language.coordinates.style of the machine profile to COORDINATE_STYLE_HAAS";
 
 impl Execution<'_> {
     /// See [`rebase`].

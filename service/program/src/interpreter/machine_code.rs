@@ -4,7 +4,7 @@ use super::execute::Execution;
 use super::saved;
 use crate::block::MachineWord;
 use crate::code;
-use crate::dialect::{Letter, MachineAction, MachineStep, letter_bit};
+use crate::dialect::{Group, Letter, MachineAction, MachineStep, letter_bit};
 use crate::state::ModeContext;
 use crate::{Finding, FunctionWord, MachineCommand, OperationKind, SourceSpan, SpindleDirection, UnlistedMachineCodes};
 
@@ -40,6 +40,7 @@ impl Execution<'_> {
             }
             if word.is_unlisted {
                 self.note_unlisted(word, &words);
+                self.check_speed_beside(word);
             }
             let code = Pending { word: *word, words };
             if self.table.dialect.m_codes_closed {
@@ -188,6 +189,27 @@ impl Execution<'_> {
                         format!("list M{number} in machine_codes of the profile's language, with its effect and its words {letters}")
                     }
                 })
+        });
+    }
+
+    /// Warns of an `S` in the block of an unlisted M code and of nothing else that takes it: it may be the speed of another spindle or
+    /// of a live tool. `M40` to `M45` are the gears of the main spindle.
+    fn check_speed_beside(&mut self, word: &MachineWord) {
+        let number = word.rule.number;
+        let is_of_main = [Group::Spindle, Group::SpeedMode].into_iter().any(|group| self.block.code(group).is_some())
+            || matches!(number, 40..=45);
+        let Some(speed) = self.block.word(b'S').copied().filter(|_| !is_of_main) else { return };
+        let (span, value) = (self.block.word_span(&speed), speed.number.value());
+        self.findings.push_with(code::MACHINE_CODE_SPEED, |code| {
+            let message = format!("S{value} beside M{number}, which nobody has listed, is read as the speed of the main spindle");
+            Finding::new(code, span, message)
+                .with_value("speed", value, "")
+                .with_value("m_code", f64::from(number), "")
+                .suggest(format!(
+                    "where M{number} takes it, list M{number} with its word S in machine_codes of the profile's language; where it \
+                     starts the main spindle, list it in code_replacements, such as M3 M8 for M13"
+                ))
+                .suggest("where it is the speed of the main spindle, write S in a block of its own")
         });
     }
 

@@ -23,6 +23,9 @@ impl Execution<'_> {
             Some((Meaning::BlockLimit, _)) => drop(self.take(b'P')),
             _ => {}
         }
+        if let Some(tenths) = self.code_number(Group::PathControl) {
+            self.state.path_code = tenths as u16;
+        }
         match self.code(Group::PathControl) {
             Some((Meaning::PathControl(mode), _)) => {
                 self.state.path_control = self.settings.path_control(mode);

@@ -37,7 +37,7 @@ impl Execution<'_> {
         if !self.shows_its_system() {
             // Of a Haas lathe nothing else follows from it than that its G90 and G94 are modes.
             let is_incremental = matches!(self.code(Group::Distance), Some((Meaning::Distance { absolute: false }, _)));
-            self.state.not_system_a |= is_incremental || self.code_number(Group::FeedUnit) == Some(950);
+            self.state.not_system_a |= is_incremental;
             return;
         }
         if let Some((Meaning::Distance { absolute: false }, _)) = self.code(Group::Distance) {

@@ -4,6 +4,7 @@ mod arcs;
 mod arcs_of_linuxcnc;
 mod code_replacements;
 mod consequences;
+mod controls;
 mod coordinates;
 mod corners;
 mod doubt;

@@ -57,7 +57,7 @@ pub struct DrillingSettings {
     pub peck_lift_mm: f64,
     /// Where a lathe's `G83` and `G87` with `Q` go between pecks; they are refused without it.
     pub lathe_peck: Option<PeckReturn>,
-    /// `G84` and `G74` are synchronised with the spindle without `M29` as well.
+    /// `G84` and `G74` are synchronised with the spindle without `M29` as well. On Haas controls they always are.
     pub rigid_tapping: bool,
     /// Where a synchronised tap with `Q` goes between pecks; refused without it.
     pub tap_peck: Option<PeckReturn>,

@@ -337,7 +337,8 @@ impl Builder {
             return;
         };
         if let Some(axis) = missing_axis(&element, machine) {
-            findings.push(missing(axis, span, machine));
+            let is_cut = mv.kind == MoveKind::Cutting && (element.moves(Axis::X) || element.moves(Axis::Z));
+            findings.push(missing(axis, span, machine, is_cut));
             return;
         }
         config.travel().check(&element, findings);

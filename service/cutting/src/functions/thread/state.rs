@@ -411,7 +411,7 @@ impl Pass {
         let first = blocks.first()?;
         let path = PassPath::new(blocks, machine, findings)?;
         if let Some(axis) = path.missing_axis(first, machine) {
-            findings.push(missing(axis, first.span, machine));
+            findings.push(missing(axis, first.span, machine, false));
             return None;
         }
         Some(path)

@@ -36,7 +36,7 @@ impl TapRun {
     ) -> Option<Self> {
         let machine = travel.machine;
         if let Some(axis) = missing_axis(&element, machine) {
-            findings.push(missing(axis, span, machine));
+            findings.push(missing(axis, span, machine, false));
             return None;
         }
         travel.check(&element, findings);

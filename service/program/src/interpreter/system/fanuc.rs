@@ -114,6 +114,7 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
         11 if !is_lathe => choose(transform.is_some_and(|it| it.scaling.is_some()), 51.0, 50.0),
         13 if !is_lathe => choose(state.surface_speed, 96.0, 97.0),
         14 => Some(f64::from(state.coords.system.tenths()) / 10.0),
+        15 if !is_lathe && state.path_code > 0 => Some(f64::from(state.path_code) / 10.0),
         15 if !is_lathe => choose(matches!(state.path_control, PathControl::Continuous { .. }), 64.0, 61.0),
         16 if !is_lathe => choose(transform.is_some_and(|it| it.rotation.is_some()), 68.0, 69.0),
         17 if !is_lathe => choose(state.coords.polar.is_some(), 16.0, 15.0),

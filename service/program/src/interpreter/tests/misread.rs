@@ -195,7 +195,7 @@ fn polar_interpolation_of_a_lathe_is_no_work_offset() {
         coordinates: CoordinateSettings { style: CoordinateStyle::Haas, ..settings.coordinates.clone() },
         ..settings
     };
-    for program in ["G112\nG1 X20. C10. F100\nM30", "G113\nM30"] {
+    for program in ["G112\nG1 X20. C10. F100\nM30", "G112\nM30"] {
         for settings in [lathe(), haas(lathe())] {
             let (_, findings) = interpret(program.as_bytes(), settings);
             let finding = &findings.findings()[0];
