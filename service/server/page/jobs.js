@@ -5,6 +5,7 @@ import { read, reasonOf } from "./api.js";
 import { dropZone } from "./upload.js";
 import { bytes, clock, currentLanguage, duration, number, percent, short, t } from "./text.js";
 
+const COLUMNS = ["job", "machine", "state", "progress", "findings", "created"];
 const STATES = {
   PENDING: "pending", VALIDATING: "validating", READY: "jobReady", REJECTED: "rejected", CANCELLED: "cancelled", FAILED: "jobFailed",
 };
@@ -40,7 +41,7 @@ export const jobs = (place, store) => {
   const stop = new AbortController();
   const title = element("h1", { class: "title" });
   const notice = element("p", { class: "notice" });
-  const head = element("tr", {}, ...["job", "machine", "state", "progress", "findings", "created"].map((name) => element("th", { scope: "col", "data-name": name })));
+  const head = element("tr", {}, ...COLUMNS.map((name) => element("th", { scope: "col", "data-name": name })));
   const rows = element("tbody");
   const table = element("table", { class: "jobs" }, element("thead", {}, head), rows);
   const more = element("button", { type: "button", onclick: () => readPage(token) });
@@ -56,10 +57,12 @@ export const jobs = (place, store) => {
     setAttribute(table, "hidden", list.length === 0);
     keep(
       rows, list, (job) => job.name,
-      (job) => element("tr", {}, element("th", { scope: "row" }, element("a", { href: `/${job.name}` })), ...Array.from({ length: 5 }, () => element("td", {}, element("span")))),
+      (job) => element("tr", {}, element("th", { scope: "row" }, element("a", { href: `/${job.name}` })), ...COLUMNS.slice(1).map(() => element("td", {}, element("span")))),
       (row, job) => {
         const state = short(job.state, "JOB_STATE_");
         const [name, machine, word, progress, findings, created] = row.children;
+        // On a narrow screen, where a row is a block, each cell says what it is.
+        COLUMNS.forEach((column, at) => setAttribute(row.children[at], "data-label", t(column)));
         setText(name.firstChild, job.displayName || job.name.replace("jobs/", ""));
         setText(machine.firstChild, job.machine.replace("machines/", ""));
         setText(word.firstChild, jobState(job));

@@ -86,6 +86,15 @@ export const ageOf = (machine, store) => {
   return ageMs > old ? t("age", { age: duration(ageMs / 1000) }) : "";
 };
 
+/** Why a decision was made: the numbers where it has them, otherwise words. */
+const decisionReason = (outcome, reading) => {
+  const reason = short(outcome.reason, "DECISION_REASON_");
+  if (reading?.value === undefined) return reason === "DATA" ? code(short(outcome.holdReason, "HOLD_REASON_")) : code(reason);
+  const above = reason === "FEED_ABOVE_LIMIT";
+  const numbers = [reading.value, above ? reading.upper : reading.lower].map((value) => measured(value, reading.unit));
+  return `${propertyOf(reading)} ${numbers[0]} ${above ? ">" : "<"} ${numbers[1]} ${reading.unit}`;
+};
+
 /** Why the feed is as it is, in words; empty where it is as programmed. */
 export const feedReason = (run) => {
   // A hold is stronger than what was decided.
@@ -96,15 +105,7 @@ export const feedReason = (run) => {
   const decision = keeps ? run.feedDecision : run.lastDecision;
   const outcome = decision?.outcome;
   if (!outcome) return "";
-  const reason = short(outcome.reason, "DECISION_REASON_");
-  const process = run.process;
-  if (!keeps && process?.value !== undefined && (reason === "FEED_ABOVE_LIMIT" || reason === "FEED_BELOW_LIMIT")) {
-    const above = reason === "FEED_ABOVE_LIMIT";
-    const limit = above ? process.upper : process.lower;
-    const numbers = [process.value, limit].map((value) => measured(value, process.unit));
-    return `${propertyOf(process)} ${numbers[0]} ${above ? ">" : "<"} ${numbers[1]} ${process.unit}`;
-  }
-  const why = reason === "DATA" ? code(short(outcome.holdReason, "HOLD_REASON_")) : code(reason);
+  const why = decisionReason(outcome, decision.reading);
   // Later decisions have kept it: when it was made is not when the last one was.
   return keeps && decision.time ? `${why} (${t("sinceTime", { time: clock(decision.time) })})` : why;
 };

@@ -76,13 +76,18 @@ const fn execution_at_rest(state: RunState) -> Execution {
     }
 }
 
-fn brief(decision: &Decision) -> DecisionBrief {
+/// What others are told of a decision, whose deviation has this unit.
+fn brief(decision: &Decision, deviation_unit: &str) -> DecisionBrief {
+    let reason = decision.outcome.unwrap_or_default().reason();
+    let is_for_a_limit = matches!(reason, DecisionReason::FeedAboveLimit | DecisionReason::FeedBelowLimit);
+    let reading = if is_for_a_limit { alarms::reading(decision, deviation_unit) } else { None };
     DecisionBrief {
         sequence: decision.sequence,
         number: decision.number,
         time: decision.time,
         before: decision.inputs.as_ref().and_then(|inputs| inputs.before),
         outcome: decision.outcome,
+        reading,
     }
 }
 
@@ -96,7 +101,7 @@ impl RunBase<'_> {
     /// Why the override of the feed is as it is. A decision that cannot be read is passed over.
     fn feed_decision(&self) -> Option<DecisionBrief> {
         let changes = self.changes.iter().filter_map(|change| decision_from_record(change).ok());
-        changes.map(|change| brief(&change)).find(changes_feed)
+        changes.map(|change| brief(&change, self.deviation_unit)).find(changes_feed)
     }
 
     /// What is known of the run without its stream.
@@ -127,7 +132,7 @@ impl RunBase<'_> {
             progress: if run.kind == RunKind::Live { Some(self.progress(&summary)?) } else { None },
             // An escalation is in the log; what an operator wants is known while his client is there.
             feed_held: self.feed_held,
-            last_decision: last.as_ref().map(brief),
+            last_decision: last.as_ref().map(|last| brief(last, self.deviation_unit)),
             feed_decision: self.feed_decision(),
             finding_warnings: summary.warnings,
             update_time: Some(timestamp(run.updated_us)),
@@ -343,9 +348,9 @@ impl Presence {
                 | DecisionReason::ReplaceTool => activity.process = None,
                 _ => activity.process = reading.or(activity.process.take()),
             }
-            let brief = brief(decision);
+            let brief = brief(decision, self.deviation_unit);
             if changes_feed(&brief) {
-                activity.feed_decision = Some(brief);
+                activity.feed_decision = Some(brief.clone());
             }
             activity.last_decision = Some(brief);
             self.is_urgent = true;
