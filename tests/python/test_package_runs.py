@@ -145,6 +145,44 @@ def test_asyncio_runs_survive_kills_and_restarts(own_server, stop):
     own_server.end()
 
 
+def test_asyncio_runs_go_on_where_who_waits_is_cancelled(server, client, monkeypatch):
+    sensor, heard = Sensor(), Heard()
+    opened = []
+    transport = feedwave.aio.transport.Transport
+    open_stream = transport._open
+    monkeypatch.setattr(transport, "_open", lambda self, operation: opened.append(operation.method) or open_stream(self, operation))
+
+    async def scene(job):
+        async with feedwave.aio.connect(server.ports["grpc"]) as connected, connected.run(job, ahead_s=0.0) as run:
+            await run.send(**sensor.idle())
+            await run.flush()
+            run.ahead_s = 0.2
+            cancelled = 0
+            while True:
+                waiting = asyncio.ensure_future(anext(run))
+                # One round of the loop: hardly ever enough for an answer of the service.
+                await asyncio.sleep(0)
+                if not waiting.done() and cancelled < 2_000:
+                    waiting.cancel()
+                    cancelled += 1
+                    await asyncio.gather(waiting, return_exceptions=True)
+                    await asyncio.sleep(0)
+                    continue
+                try:
+                    event = await waiting
+                except StopAsyncIteration:
+                    break
+                heard.take(event)
+                if isinstance(event, feedwave.Setpoints):
+                    await run.send(**sensor.along(event))
+            return run.name, cancelled
+
+    job = monitored(client)
+    name, cancelled = asyncio.run(scene(job.name))
+    assert cancelled == 2_000 and len(opened) == 1, opened
+    heard.is_proved_by(client, job, name)
+
+
 def test_telemetry_alone_survives_kills(own_server):
     sensor, heard = Sensor(), Heard()
     with own_server.connect() as client:

@@ -177,6 +177,67 @@ fn a_hover_says_what_is_in_force_behind_its_line() {
 }
 
 #[test]
+fn a_hover_of_a_line_without_actions_says_what_is_in_force_where_it_is_carried_out() {
+    let directory = tempfile::tempdir().unwrap();
+    let root = uri(directory.path());
+    let mut session = Session::start();
+    let params = json!({ "processId": null, "capabilities": {}, "rootUri": root, "initializationOptions": { "machine-kind": "mill" } });
+    session.ask("initialize", &params);
+    session.tell("initialized", &json!({}));
+    let name = format!("{root}/main.nc");
+    let lines = [
+        "O1000",
+        "G21 G90 G94 F500",
+        "#1=1",
+        "G1 X5",
+        "M98 P2000",
+        "#2=7",
+        "WHILE [#2 LT 9] DO1",
+        "G1 X#2",
+        "G1 Y#2",
+        "#2=#2+1",
+        "END1",
+        "GOTO 30",
+        "#3=1",
+        "N30 G1 X80",
+        "M98 P3000",
+        "M30",
+        "O2000",
+        "#4=1",
+        "G1 X15",
+        "IF [#4 EQ 2] GOTO 9",
+        "G1 Z-10",
+        "M99",
+        "O3000",
+        "G1 X90",
+        "M99",
+    ];
+    session.open(&name, &(lines.join("\n") + "\n"));
+    let mut position = |line: u32| {
+        let answer = session.ask("textDocument/hover", &at(&name, line, 0));
+        let text = answer["result"]["contents"]["value"].as_str().unwrap_or_default().to_owned();
+        let said = text
+            .lines()
+            .find_map(|it| Some(it.strip_prefix("- position")?.split(": ").nth(1)?.split(" mm").next()?.to_owned()));
+        said.unwrap_or_default()
+    };
+    for (line, place) in [
+        (2, ""),
+        (5, "x15 y0 z-10"),
+        (6, "x15 y0 z-10"),
+        (9, "x7 y7 z-10"),
+        (11, "x8 y8 z-10"),
+        (17, "x5 y0 z0"),
+        (19, "x15 y0 z0"),
+        (21, "x15 y0 z-10"),
+        (24, "x90 y8 z-10"),
+    ] {
+        assert_eq!(position(line), place, "line {}: {}", line + 1, lines[line as usize]);
+    }
+    session.end();
+}
+
+#[test]
 fn a_document_whose_uri_has_a_bare_per_cent_sign_is_judged_under_its_name() {
     let directory = tempfile::tempdir().unwrap();
     let mut session = Session::initialized(directory.path(), &json!({}));

@@ -1,7 +1,8 @@
 //! The tables of lathes: what all of them share, and the codes of each G-code system.
 
 use super::tables::{
-    COMMON_LETTERS, FANUC_G_CODES, FANUC_M_CODES, FANUC_M_CODES_IN_A_BLOCK, code, doubtful, unsupported, with_letters,
+    COMMON_LETTERS, FANUC_G_CODES, FANUC_M_CODES, FANUC_M_CODES_IN_A_BLOCK, HAAS_MILL_G_CODES, code, doubtful,
+    unsupported, with_letters,
 };
 use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
 use crate::GCodeSystem::{A, B, C};
@@ -165,10 +166,13 @@ const LATHE_G_CODES: &[Code] = &[
 const HAAS_LATHE_G_CODES: &[Code] =
     &[code(950, Group::Motion, Meaning::Unsupported("rigid tapping with live tools on Haas lathes"))];
 
-/// The G codes of a lathe whose control is one of Haas, which come behind those of every system.
+/// The G codes of a control that is one of Haas, which come behind all others.
 pub(super) fn haas_codes(settings: &LanguageSettings) -> &'static [Code] {
-    let is_lathe = settings.dialect == DialectName::Lathe;
-    if is_lathe && settings.is_haas() { HAAS_LATHE_G_CODES } else { &[] }
+    match settings.dialect {
+        DialectName::Lathe if settings.is_haas() => HAAS_LATHE_G_CODES,
+        DialectName::Mill if settings.is_haas() => HAAS_MILL_G_CODES,
+        _ => &[],
+    }
 }
 
 /// The G codes that the G-code system named by a lathe's profile reads differently, after which those of [`LATHE_G_CODES`]

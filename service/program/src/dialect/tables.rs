@@ -179,6 +179,10 @@ pub(super) const FANUC_G_CODES: &[Code] = &[
 pub(super) const FANUC_M_CODES: &[Code] =
     &[code(970, Group::Subprogram, Meaning::LocalCall), code(1_980, Group::Subprogram, Meaning::Call)];
 
+/// What Haas mills have that FANUC's do not.
+pub(super) const HAAS_MILL_G_CODES: &[Code] =
+    &[code(770, Group::Motion, Meaning::Unsupported("back boring of Haas controls, which is G87 on others"))];
+
 /// M codes of Haas controls that are those of the machine's builder elsewhere.
 pub(super) const HAAS_M_CODES: &[Code] = &[
     code(960, Group::Subprogram, Meaning::Unsupported("a jump that an input decides")),

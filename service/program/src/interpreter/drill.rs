@@ -231,9 +231,11 @@ impl Execution<'_> {
         }
         let axis = if self.settings.dialect == DialectName::Lathe { Axis::Z } else { normal };
         match cycle {
-            Cycle::BoreManual => {
-                let message = "in G88 the operator retracts the tool by hand, so that its path is not known";
-                self.refuse_cycle(code::CYCLE_UNDEFINED, message, "use G86, which retracts by itself");
+            Cycle::BoreManual | Cycle::BackBore if cycle == Cycle::BoreManual || self.settings.is_haas() => {
+                let name = cycle.name();
+                let message =
+                    format!("in {name} the operator retracts the tool by hand, so that its path is not known");
+                self.refuse_cycle(code::CYCLE_UNDEFINED, &message, "use G86, which retracts by itself");
                 None
             }
             Cycle::BackBore if self.is_linuxcnc() => {

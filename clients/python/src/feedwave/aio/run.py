@@ -23,8 +23,8 @@ class _Connected(TelemetryInfo):
     def __init__(self, transport: Transport, link: Link) -> None:
         super().__init__(link)
         self._transport = transport
-        # Done when the task that reads has read.
-        self._reading: asyncio.Future[None] | None = None
+        # What reads, for all tasks.
+        self._reading: asyncio.Task[object] | None = None
 
     async def send(
         self,
@@ -67,6 +67,10 @@ class _Connected(TelemetryInfo):
         return self
 
     async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        reading, self._reading = self._reading, None
+        if reading is not None:
+            reading.cancel()
+            await asyncio.gather(reading, return_exceptions=True)
         self.close()
 
     def __aiter__(self) -> AsyncIterator[Event]:
@@ -82,18 +86,15 @@ class _Connected(TelemetryInfo):
             await self._step_while(lambda: not self._link.has_events)
 
     async def _step_while(self, is_needed: Callable[[], bool]) -> None:
-        """Acts on messages of the service as long as that is needed, and lets one task read for all."""
+        """Acts on messages of the service as long as that is needed. One task reads for all, and goes on where one that waits is cancelled."""
         while is_needed() and self._link.ended is None:
-            if self._reading is not None:
-                # What this task waits for may come to the one that reads.
-                await asyncio.wait([self._reading])
-                continue
-            self._reading = asyncio.get_running_loop().create_future()
-            try:
-                await self._transport.run(self._link.step())
-            finally:
-                done, self._reading = self._reading, None
-                done.set_result(None)
+            if self._reading is None:
+                self._reading = asyncio.create_task(self._transport.run(self._link.step()))
+            reading = self._reading
+            await asyncio.wait([reading])
+            if reading is self._reading:
+                self._reading = None
+                reading.result()
 
 
 class Run(_Connected, RunInfo):

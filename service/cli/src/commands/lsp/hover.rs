@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use feedwave_contract::convert::action_to_proto;
 use feedwave_contract::proto::{Action, ActionFeed, ActionSpindle};
 use feedwave_cutting::{Interpretation, InterpretationStep, PipelineConfig};
+use feedwave_program::{Outline, StretchKind};
 
 use super::callers::{Callers, OWN_PROGRAM};
 use super::document::Document;
@@ -33,7 +34,8 @@ pub(super) fn text(
     withdrawn: &AtomicBool,
 ) -> Option<String> {
     let input = Input::of_main(document.text(), &mut setup.further);
-    let found = find(input, &setup.config, 0, line + 1, withdrawn)?;
+    let place = Place::new(0, line + 1, document, &setup.config);
+    let found = find(input, &setup.config, &place, withdrawn)?;
     let mut text = found.actions_text();
     text.push_str(&found.state.text(line + 1));
     let time = judged.filter(|judged| judged.version == document.version).and_then(|judged| {
@@ -55,7 +57,8 @@ pub(super) fn text_of_called(
 ) -> Option<String> {
     let [one, other] = [0, 1].map(|caller| {
         let input = callers.inputs(document, &mut setup.further, caller);
-        let mut found = find(input, &callers.config, OWN_PROGRAM, line + 1, withdrawn)?;
+        let place = Place::new(OWN_PROGRAM, line + 1, document, &callers.config);
+        let mut found = find(input, &callers.config, &place, withdrawn)?;
         let own = &callers.config.programs[OWN_PROGRAM as usize - 1];
         let motion = found.state.motion.iter_mut();
         found.actions.iter_mut().chain(motion).filter(|action| action.file == *own).for_each(|it| it.file.clear());
@@ -196,20 +199,100 @@ impl Found {
     }
 }
 
-/// Reads a program up to the first run of a line, counted from 1, of its program `own`.
-fn find(mut input: Input<'_>, config: &PipelineConfig, own: u32, line: u32, withdrawn: &AtomicBool) -> Option<Found> {
+/// The line that is asked about.
+struct Place {
+    /// The program that it is in.
+    program: u32,
+    /// Counted from 1.
+    line: u32,
+    /// First and last line of the numbered program or subprogram around it: other lines are not next to it.
+    within: [u32; 2],
+}
+
+impl Place {
+    fn new(program: u32, line: u32, document: &Document, config: &PipelineConfig) -> Self {
+        let outline = Outline::read(document.text().as_bytes(), &config.profile.language);
+        let programs = outline.stretches.iter().filter(|stretch| {
+            matches!(stretch.kind, StretchKind::Program | StretchKind::Subprogram)
+                && stretch.first_line <= stretch.last_line
+        });
+        let mut within = [1, u32::MAX];
+        for stretch in programs {
+            let [first, last] = [stretch.first_line, stretch.last_line];
+            // Ascending by their first lines, so that the last one around the line is the innermost.
+            if (first..=last).contains(&line) {
+                within = [first, last];
+            } else if first > line {
+                within[1] = within[1].min(first - 1);
+            } else if last >= within[0] {
+                within[0] = last + 1;
+            }
+        }
+        Self { program, line, within }
+    }
+}
+
+/// What is in force next to a line without actions, by the lines around it that have some.
+#[derive(Default)]
+struct Neighbours {
+    /// The nearest line before it, what is in force behind its first run, and the line that is carried out behind that, if it is of this
+    /// program; no state while that run lasts.
+    before: Option<(u32, Option<(State, Option<u32>)>)>,
+    /// The nearest line behind it, and what is in force before its first run.
+    behind: Option<(u32, State)>,
+    /// The line behind it was run before any other.
+    is_behind_first: bool,
+}
+
+impl Neighbours {
+    /// Takes the line of the next action, if it is of the same program, with what is in force before that.
+    fn follow(&mut self, place: &Place, own: Option<u32>, state: &State) {
+        if let Some((line, run @ None)) = &mut self.before
+            && own != Some(*line)
+        {
+            *run = Some((state.clone(), own));
+        }
+        let Some(own) = own.filter(|own| (place.within[0]..=place.within[1]).contains(own)) else { return };
+        if own < place.line && self.before.as_ref().is_none_or(|&(nearest, _)| own > nearest) {
+            self.is_behind_first = self.behind.is_some();
+            self.before = Some((own, None));
+        }
+        if own > place.line && self.behind.as_ref().is_none_or(|&(nearest, _)| own < nearest) {
+            self.behind = Some((own, state.clone()));
+        }
+    }
+
+    /// What is in force at the line: behind the line before it, unless the program came to the line behind it another way, jumped
+    /// over both or called another one.
+    fn state(self, end: State) -> State {
+        let Self { before, behind, is_behind_first } = self;
+        let before = before.map(|(_, run)| run.unwrap_or_else(|| (end.clone(), None)));
+        match (before, behind) {
+            (Some((state, _)), None) => state,
+            (Some((state, next)), Some((nearest, _)))
+                if !is_behind_first && next.is_some_and(|next| next <= nearest) =>
+            {
+                state
+            }
+            (_, Some((_, state))) => state,
+            (None, None) => end,
+        }
+    }
+}
+
+/// Reads a program up to the first run of a line.
+fn find(mut input: Input<'_>, config: &PipelineConfig, place: &Place, withdrawn: &AtomicBool) -> Option<Found> {
     let mut interpretation = Interpretation::new(config);
     let mut found = Found::default();
-    // Of a line without actions: what is in force before the first run of the nearest line behind it that has some.
-    let mut behind: Option<(u32, State)> = None;
+    let mut neighbours = Neighbours::default();
     for _ in 0..MAX_STEPS {
         if withdrawn.load(Ordering::Relaxed) {
             return None;
         }
         let step = input.step(&mut interpretation);
         for operation in interpretation.take_operations() {
-            let own_line = Some(operation.span.line).filter(|_| operation.span.program == own);
-            let is_here = own_line == Some(line);
+            let own_line = Some(operation.span.line).filter(|_| operation.span.program == place.program);
+            let is_here = own_line == Some(place.line);
             if !is_here && found.count > 0 {
                 return Some(found);
             }
@@ -223,10 +306,8 @@ fn find(mut input: Input<'_>, config: &PipelineConfig, own: u32, line: u32, with
                     found.is_cut = true;
                     return Some(found);
                 }
-            } else if let Some(own) = own_line.filter(|&own| own > line)
-                && behind.as_ref().is_none_or(|&(nearest, _)| own < nearest)
-            {
-                behind = Some((own, found.state.clone()));
+            } else {
+                neighbours.follow(place, own_line, &found.state);
             }
             found.state.follow(&action);
         }
@@ -235,8 +316,8 @@ fn find(mut input: Input<'_>, config: &PipelineConfig, own: u32, line: u32, with
         }
     }
     found.is_broken = found.count == 0 && interpretation.findings().has_errors();
-    if let Some((_, state)) = behind.filter(|_| found.count == 0) {
-        found.state = state;
+    if found.count == 0 {
+        found.state = neighbours.state(found.state);
     }
     Some(found)
 }

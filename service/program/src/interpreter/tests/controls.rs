@@ -37,6 +37,20 @@ fn g95_of_a_haas_lathe_taps() {
 }
 
 #[test]
+fn g87_of_haas_controls_is_retracted_by_hand() {
+    let boring = "M3 S500\nG0 Z10\nG98 G87 X0 Z-2 R-20 Q1 F50";
+    assert!(
+        render(boring, &haas(mill())).contains("! 3:1+26 PRG-CYCLE-UNDEFINED"),
+        "{}",
+        render(boring, &haas(mill()))
+    );
+    assert!(!render(boring, &mill()).contains("PRG-CYCLE-UNDEFINED"));
+    for code in ["G77", "G47"] {
+        assert!(render(&format!("{code} Z-2 R-20 Q1"), &haas(mill())).contains("PRG-UNSUPPORTED-CODE"), "{code}");
+    }
+}
+
+#[test]
 fn m_codes_of_haas_controls() {
     // Where an input decides, or the operator, the way is not known.
     for number in [96, 109] {
