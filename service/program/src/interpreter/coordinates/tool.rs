@@ -76,6 +76,10 @@ impl Execution<'_> {
                 return self.coord(code::LENGTH_NUMBER, span, message, "add H with the number of the tool");
             };
             let Some(number) = self.whole(&word) else { return };
+            if self.block.letters & self.table.axis_letters & !self.used != 0 {
+                let message = "G43.2 H with words of axes, which LinuxCNC 2.9 refuses";
+                return self.coord(code::COORD_WORD, span, message, "write the move in a block of its own");
+            }
             // The row 0 of LinuxCNC's table is the spindle.
             let number = if number == 0 { self.state.tool } else { number };
             let more = match number {

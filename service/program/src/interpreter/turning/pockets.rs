@@ -56,10 +56,20 @@ impl Stock {
         (first, stretch.wall.unwrap_or(self.parts.len() - 1))
     }
 
+    /// Whether a level is cut from the corner on: the first of these parts begins below it, or at it and goes below it later, before it
+    /// comes out again. A contour that stays at the level is cut by the last pass, along it.
+    fn is_open_at(&self, height: f64, first: usize, last: usize) -> bool {
+        let start = self.parts[first].curve.from[1];
+        let mut reached = self.parts[first..=last].iter().map(|part| part.curve.to[1]);
+        start < height - SAME_MM
+            || start <= height + SAME_MM
+                && reached.find(|to| (to - height).abs() > SAME_MM).is_some_and(|to| to < height)
+    }
+
     /// The stretches of a level between two parts, in the order of the contour.
     fn stretches(&self, level: u32, is_open: bool, (first, last): (usize, usize), found: &mut Vec<Stretch>) {
         let height = self.level(level);
-        let mut entry = (is_open && self.parts[first].curve.from[1] < height - SAME_MM).then_some(Entry::Open);
+        let mut entry = (is_open && self.is_open_at(height, first, last)).then_some(Entry::Open);
         for (index, part) in self.parts.iter().enumerate().take(last + 1).skip(first) {
             let (from, to) = (part.curve.from, part.curve.to);
             match entry {

@@ -305,7 +305,26 @@ fn one_line_is_two() {
     }
 }
 
-/// No pass cuts deeper than the contour with its allowances: random contours, random starts, outside and in bores.
+#[test]
+fn a_pocket_is_cut_in_passes_where_a_level_is_that_of_the_start_of_the_contour() {
+    // Levels 58, 54, 50, ...; the contour starts at 50.
+    let program = "M3 S1000\nG0 X62. Z2.\nG71 U2. R0.5\nG71 P10 Q20 F0.2\nN10 G1 X50. W0\nZ-10.\nX38. Z-13.\nZ-25.\nX50. Z-28.\nN20 X62. Z-29.";
+    moves(
+        &a(),
+        program,
+        1,
+        "f 58 2; f 58 -28.666667; f 62 -29; r 63 -28.5; r 63 2;
+         f 54 2; f 54 -28.333333; f 58 -28.666667; r 59 -28.166667; r 59 2;
+         f 50 2; f 50 -28; f 54 -28.333333; r 55 -27.833333; r 55 2;
+         r 55 -10; f 50 -10; f 46 -11; f 46 -27; f 50 -28; r 51 -27.5;
+         r 51 -11; f 46 -11; f 42 -12; f 42 -26; f 46 -27; r 47 -26.5;
+         r 47 -12; f 42 -12; f 38 -13; f 38 -25; f 42 -26; r 43 -25.5;
+         r 62 -25.5; r 62 2; f 50 2; f 50 -10; f 38 -13; f 38 -25; f 50 -28; f 62 -29; r 62 2;
+         i 4:1+16 PRG-TURNING-POCKETS",
+    );
+}
+
+/// No pass cuts deeper than the contour with its allowances, nor more than its depth, and nothing is cut rapidly: random contours, random starts, outside and in bores.
 mod random {
     use proptest::prelude::*;
 
@@ -319,6 +338,24 @@ mod random {
         })
     }
 
+    /// The stock of a contour: radii at places along Z that no move ends at.
+    fn stock(contour: &[[f64; 2]], diameter: f64) -> Vec<[f64; 2]> {
+        let end = contour.last().unwrap()[0];
+        (0..400).map(|place| [end * (f64::from(place) + 0.123_456_7) / 400.0, diameter * 0.5]).collect()
+    }
+
+    /// Cuts the stock along a move; the most that it removes at one place, on the radius.
+    fn cut(stock: &mut [[f64; 2]], step: &Move, sign: f64) -> f64 {
+        let [start, end] = [step.start, step.end].map(|position| [position[2], position[0]]);
+        let mut most = 0.0_f64;
+        for [z, left] in stock.iter_mut().filter(|[z, _]| (start[0] - *z) * (end[0] - *z) < 0.0) {
+            let radius = start[1] + (*z - start[0]) / (end[0] - start[0]) * (end[1] - start[1]);
+            most = most.max(sign * (*left - radius));
+            *left = sign * (sign * *left).min(sign * radius);
+        }
+        most
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(60))]
 
@@ -328,7 +365,10 @@ mod random {
             depth in 0.4_f64..3.0,
             is_pocketed in any::<bool>(),
             is_bore in any::<bool>(),
+            is_round in any::<bool>(),
         ) {
+            // Round numbers let levels and corners of the contour coincide.
+            let depth = if is_round { (depth * 2.0).ceil() * 0.5 } else { depth };
             let sign = if is_bore { -1.0 } else { 1.0 };
             let first = if is_bore { 60.0 } else { 20.0 };
             let (mut z, mut x) = (0.0, first);
@@ -338,7 +378,7 @@ mod random {
             for (along, across) in steps {
                 z -= (along * 1_000.0).round() / 1_000.0;
                 let across = if is_pocketed { across } else { across.abs() };
-                x += sign * (across * 1_000.0).round() / 1_000.0;
+                x += sign * if is_round { across.round() } else { (across * 1_000.0).round() / 1_000.0 };
                 furthest = furthest.max(sign * (x - first));
                 contour.push([z, x]);
                 text.push_str(&format!("X{x:.3} Z{z:.3}\n"));
@@ -349,9 +389,13 @@ mod random {
             let program = format!("M3 S1000\nG0 X{start:.3} Z2.\nG71 U{depth:.3} R0.3\nG71 P10 Q20 U{allowance} F0.2\n{text}\nM30\n");
             let (operations, findings) = interpret(program.as_bytes(), a());
             prop_assert!(!findings.has_errors(), "{}\n{:?}", program, findings);
+            let mut stock = stock(&contour, start);
             // Behind the move to the start of the cycle.
             for operation in operations.iter().filter(|operation| operation.span.line > 2) {
                 let OperationKind::Move(step) = &operation.kind else { continue };
+                let removed = cut(&mut stock, step, sign);
+                let most = if step.kind == MoveKind::Cutting { depth + 1e-3 } else { 1e-3 };
+                prop_assert!(removed < most, "{}\n{:?} removes {}", program, step, removed);
                 for share in 0..=20 {
                     let at = |axis: usize| step.start[axis] + (step.end[axis] - step.start[axis]) * f64::from(share) / 20.0;
                     if let Some(diameter) = radius(&contour, at(2)) {
