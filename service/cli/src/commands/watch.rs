@@ -14,7 +14,7 @@ use tonic::{Code, Status};
 use self::screen::{Seen, machine_line, screen};
 use super::CliError;
 use super::client::{Client, ServerArgs, is_passing};
-use super::terminal::{Style, print};
+use super::terminal::{Style, print, tell};
 use super::validate::Format;
 
 /// States asked for at a time.
@@ -94,9 +94,13 @@ async fn once(client: &Client, format: Format) -> Result<ExitCode, CliError> {
 async fn changes(client: &Client, args: &Args) -> Result<ExitCode, CliError> {
     let mut shown: HashMap<String, String> = HashMap::new();
     let mut last_answer = Instant::now();
+    let mut is_away = false;
     loop {
         match look(client).await {
             Ok(seen) => {
+                if std::mem::take(&mut is_away) {
+                    tell(&format!("{} answers again after {} s\n", client.url, last_answer.elapsed().as_secs()));
+                }
                 last_answer = Instant::now();
                 shown.retain(|name, _| seen.machines.iter().any(|state| &state.machine == name));
                 for state in &seen.machines {
@@ -110,7 +114,13 @@ async fn changes(client: &Client, args: &Args) -> Result<ExitCode, CliError> {
                     }
                 }
             }
-            Err(status) => give_up(client, &status, last_answer)?,
+            Err(status) => {
+                give_up(client, &status, last_answer)?;
+                if !std::mem::replace(&mut is_away, true) {
+                    let seconds = SILENCE.as_secs();
+                    tell(&format!("{} does not answer: {}; trying for {seconds} s\n", client.url, status.message()));
+                }
+            }
         }
         tokio::time::sleep(args.interval).await;
     }

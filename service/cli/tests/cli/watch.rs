@@ -81,3 +81,23 @@ fn no_service_and_odd_intervals_are_wrong_usage() {
         assert!(stderr(&output).contains("from 0.1 to 60"), "{}", stderr(&output));
     }
 }
+
+#[test]
+fn whoever_reads_changes_is_told_that_the_service_does_not_answer() {
+    let service = Service::start();
+    let url = format!("http://{}", service.address());
+    let mut watching = feedwave()
+        .args(["watch", "--format", "json", "--interval", "0.1", "--server", &url])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It has begun once it has shown something.
+    let shown = BufReader::new(watching.stdout.take().unwrap()).lines().next();
+    assert!(shown.is_some_and(|line| line.unwrap().contains("execution")));
+    drop(service);
+    let said = BufReader::new(watching.stderr.take().unwrap()).lines().next().unwrap().unwrap();
+    assert!(said.starts_with(&format!("{url} does not answer: ")) && said.ends_with("trying for 60 s"), "{said}");
+    watching.kill().unwrap();
+    watching.wait().unwrap();
+}

@@ -79,6 +79,12 @@ impl Setpoints {
         self.first_index
     }
 
+    /// How many were handed out, by this stream of the run or by one before it.
+    pub(super) fn handed_out(&self) -> u64 {
+        let before = self.expected.map_or(0, |(count, _)| count);
+        self.next_index().max(self.first_index).max(before)
+    }
+
     /// See [`Pipeline::earliest_override`]. What was handed out once is not changed any more, though the client that comes back may
     /// ask for it again.
     pub(super) fn earliest_change(&self) -> u64 {

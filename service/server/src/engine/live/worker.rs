@@ -460,5 +460,5 @@ impl Worker {
 
 /// How far a run is, for those who look.
 fn reached<'a>(setpoints: &Setpoints, feed: &'a Feed, taken: u64, total: Option<u64>) -> Reached<'a> {
-    Reached { taken, sent: setpoints.next_index(), total, changes: feed.log(), held: feed.held }
+    Reached { taken, sent: setpoints.handed_out(), total, changes: feed.log(), held: feed.held }
 }
