@@ -207,6 +207,8 @@ struct Place {
     line: u32,
     /// First and last line of the numbered program or subprogram around it: other lines are not next to it.
     within: [u32; 2],
+    /// First and last lines of the loops that it is not in.
+    other_loops: Vec<[u32; 2]>,
 }
 
 impl Place {
@@ -228,7 +230,10 @@ impl Place {
                 within[0] = last + 1;
             }
         }
-        Self { program, line, within }
+        let loops = outline.stretches.iter().filter(|stretch| stretch.kind == StretchKind::Block);
+        let loops = loops.map(|stretch| [stretch.first_line, stretch.last_line]);
+        let other_loops = loops.filter(|[first, last]| !(*first..=*last).contains(&line)).collect();
+        Self { program, line, within, other_loops }
     }
 }
 
@@ -253,6 +258,14 @@ impl Neighbours {
             *run = Some((state.clone(), own));
         }
         let Some(own) = own.filter(|own| (place.within[0]..=place.within[1]).contains(own)) else { return };
+        if let Some((line, run @ Some(_))) = &mut self.before
+            && *line == own
+            && self.behind.is_none()
+            && place.other_loops.iter().any(|[first, last]| (*first..=*last).contains(&own))
+        {
+            // The line comes behind the last run of a loop before it.
+            *run = None;
+        }
         if own < place.line && self.before.as_ref().is_none_or(|&(nearest, _)| own > nearest) {
             self.is_behind_first = self.behind.is_some();
             self.before = Some((own, None));
