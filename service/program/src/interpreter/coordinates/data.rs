@@ -363,7 +363,11 @@ impl Execution<'_> {
         };
         if kind != 1 && frame.rotation_deg != 0.0 && axes.iter().any(|(axis, _, _)| axis.index() < 2) {
             let message = "a tool offset along X or Y from a rotated work coordinate system";
-            return self.coord(code::COORD_BLOCK, span, message, "select a system without rotation first");
+            let cure = match kind {
+                11 => "clear the rotation of G59.3 before, with G10 L2 P9 R0",
+                _ => "select a system without rotation first",
+            };
+            return self.coord(code::COORD_BLOCK, span, message, cure);
         }
         let machine = self.machine_position();
         for (axis, _, value) in axes {
