@@ -305,10 +305,14 @@ impl LanguageSettings {
         self.initial_motion.or(self.is_haas().then_some(InitialMotion::Rapid))
     }
 
-    /// Whether the control is one of Haas, as far as the settings say so.
+    /// Whether the control is one of Haas, as far as the settings say so. Haas lathes have system A: others may have their drilling cycles.
     pub(crate) fn is_haas(&self) -> bool {
-        self.dialect != DialectName::LinuxCnc
-            && (self.drilling.style == DrillingStyle::Haas || self.coordinates.style == CoordinateStyle::Haas)
+        let may_be = match self.dialect {
+            DialectName::Lathe => matches!(self.g_code_system, None | Some(GCodeSystem::A)),
+            DialectName::Mill => true,
+            DialectName::LinuxCnc => false,
+        };
+        may_be && (self.drilling.style == DrillingStyle::Haas || self.coordinates.style == CoordinateStyle::Haas)
     }
 
     /// The codes of feed per minute and per revolution, as findings name them. A lathe whose G-code system is not known reads

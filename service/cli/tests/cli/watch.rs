@@ -93,8 +93,8 @@ fn whoever_reads_changes_is_told_that_the_service_does_not_answer() {
         .spawn()
         .unwrap();
     // It has begun once it has shown something.
-    let shown = BufReader::new(watching.stdout.take().unwrap()).lines().next();
-    assert!(shown.is_some_and(|line| line.unwrap().contains("execution")));
+    let mut shown = BufReader::new(watching.stdout.take().unwrap()).lines();
+    assert!(shown.next().is_some_and(|line| line.unwrap().contains("execution")));
     drop(service);
     let said = BufReader::new(watching.stderr.take().unwrap()).lines().next().unwrap().unwrap();
     assert!(said.starts_with(&format!("{url} does not answer: ")) && said.ends_with("trying for 60 s"), "{said}");

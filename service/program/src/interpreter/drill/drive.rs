@@ -2,11 +2,11 @@
 
 use super::super::execute::Execution;
 use super::Drive;
+use crate::Finding;
 use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::FeedUnit;
 use crate::state::Cycle;
-use crate::{DrillingSettings, DrillingStyle, Finding};
 
 /// Leads of taps, mm.
 const LEADS_MM: core::ops::RangeInclusive<f64> = 1e-4..=500.0;
@@ -14,8 +14,7 @@ const LEADS_MM: core::ops::RangeInclusive<f64> = 1e-4..=500.0;
 impl Execution<'_> {
     /// Whether the taps of this place are synchronised with the spindle.
     pub(super) fn taps_rigidly(&self) -> bool {
-        let DrillingSettings { style, rigid_tapping, .. } = self.settings.drilling;
-        let always = rigid_tapping || style == DrillingStyle::Haas;
+        let always = self.settings.drilling.rigid_tapping || self.settings.is_haas();
         !self.is_linuxcnc() && (always || self.state.machine.rigid_tapping)
     }
 

@@ -75,6 +75,11 @@ impl Execution<'_> {
             return Some(1.0);
         }
         if let Some(word) = self.take(b'J') {
+            if !self.taps_rigidly() {
+                let what = "whether G84 and G74 are synchronised with the spindle, which J needs";
+                self.cycle_setting(what, "rigid_tapping", "true where they are");
+                return None;
+            }
             let times = self.whole(&word)?;
             if times > MAX_TAP_RETRACT {
                 let message = format!("J is {times}, but a tap is retracted 1 to {MAX_TAP_RETRACT} times as fast");

@@ -33,7 +33,10 @@ fn g95_of_a_haas_lathe_taps() {
     assert!(render("M3 S500\nG95\nG1 Z-20. F0.1", &haas(lathe())).contains("! 2:1+3 PRG-UNSUPPORTED-CODE"));
     check(&haas(mill()), "M3 S500\nG95 G1 X5 F0.1", "spindle cw 500\nline 0 -> X5 @0.1/rev");
     let b = LanguageSettings { g_code_system: Some(GCodeSystem::B), ..lathe() };
-    check(&b, "M3 S500\nG95 G1 Z-5. F0.1", "spindle cw 500\nline 0 -> Z-5 @0.1/rev");
+    // With the cycles of a mill it still has system B, which no Haas lathe has.
+    for settings in [b.clone(), haas(b)] {
+        check(&settings, "M3 S500\nG95 G1 Z-5. F0.1", "spindle cw 500\nline 0 -> Z-5 @0.1/rev");
+    }
 }
 
 #[test]
