@@ -58,7 +58,8 @@ fn operations(blocks: &[String], rules: CompensationRules) -> Vec<Operation> {
     let (programmed, findings) = interpret(text.as_bytes(), settings);
     assert!(!findings.has_errors(), "{:?}", findings.findings().first());
     let is_rapid = |block: &str| block.starts_with("G0");
-    let mode = CompensationMode { left: true, plane: Plane::Xy, radius_mm: 3.0, reference_mm: [0.0; 2], rules };
+    let mode =
+        CompensationMode { left: true, plane: Plane::Xy, tilted: false, radius_mm: 3.0, reference_mm: [0.0; 2], rules };
     let mut operations = Vec::with_capacity(programmed.len());
     for operation in programmed {
         let SourceSpan { line, .. } = operation.span;

@@ -40,6 +40,8 @@ pub struct CompensationMode {
     pub left: bool,
     /// The plane of the contour.
     pub plane: Plane,
+    /// The contour is in the coordinates of a tilted plane (`G68.2`), onto whose normal the tool axis is turned.
+    pub tilted: bool,
     /// Radius of the tool or its nose, mm, not negative; 0 compensates nothing.
     pub radius_mm: f64,
     /// From the centre of the nose to the reference point of the tool, along the axes of the plane, mm; 0 for a mill.
@@ -86,6 +88,9 @@ pub enum CompensationCorner {
     /// Along an arc about the corner.
     Circular,
 }
+
+/// The cure of what cannot be done while the tool still stands beside a contour behind `G40`.
+pub(crate) const LEAVE_FIRST: &str = "move in the plane with the G40, straight and away from the part, before it";
 
 /// The stage. It is its whole state, too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -26,6 +26,7 @@ mod number;
 mod operation;
 mod outline;
 mod parameters;
+mod path_move;
 mod reader;
 mod settings;
 mod source;

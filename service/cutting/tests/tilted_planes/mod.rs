@@ -1,6 +1,7 @@
 //! Tilted work planes from program text to setpoints, on every kind of machine: the tool centre point on the programmed path in
 //! the coordinates of the plane, the tool axis on its normal, the choice of the solution, refusals, streams from anywhere.
 
+mod contours;
 mod drilling;
 mod threads;
 

@@ -29,8 +29,9 @@ crate::finding_codes! {
 
     "PRG-COMP-PLANE" [COMP_PLANE: Error] {
         meaning: "radius compensation in a plane that it is not made for",
-        cause: "The nose of a turning tool is compensated in `G18` only; LinuxCNC compensates in `G17` and `G18` only.",
-        cure: "Select the plane before.",
+        cause: "The nose of a turning tool is compensated in `G18` only; LinuxCNC compensates in `G17` and `G18` only; in a tilted \
+              plane the tool axis has to be on the normal.",
+        cure: "Select the plane before; turn the tool axis onto a tilted plane with G53.1 before.",
         example: linuxcnc("G19 G0 Y0 Z0\nG41.1 D6 G1 Y20 F100\nZ20\nG40 G0 Y40\nM2"),
     }
 
@@ -44,8 +45,10 @@ crate::finding_codes! {
     "PRG-COMP-BLOCK" [COMP_BLOCK: Error] {
         meaning: "something that radius compensation does not permit",
         cause: "Another plane or work offset, `G28`, `G53`, a cycle, a spline, a thread, a tool change, another `D` or the \
-              like on a compensated contour.",
-        cure: "Leave the contour with G40 and a straight move first.",
+              like on a compensated contour; tool centre point control; in a tilted plane `G69`, `G53.1` or another tool length, also \
+              while the tool still stands beside the contour behind `G40`.",
+        cure: "Leave the contour with G40 and a straight move first; under tool centre point control, write the path of the tool's \
+              centre.",
         example: linuxcnc("G0 X0 Y0\nG41.1 D6 G1 X20 Y0 F100\nY20\nG28 Z0\nG40 G0 X0 Y40\nM2"),
     }
 

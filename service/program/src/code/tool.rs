@@ -83,7 +83,7 @@ crate::finding_codes! {
     "PRG-TOOL-CONTROL-HELD" [TOOL_CONTROL_HELD: Error] {
         meaning: "motion that needs an axis position which only the machine knows",
         cause: "After tool centre point control or a tilted plane was switched, the program has other coordinates for \
-              the same place; an increment or an arc starts from there.",
+              the same place; an increment, an arc, a corner or a compensated contour starts from there.",
         cure: "Place every axis with an absolute word of G0 or G1 first.",
         explained_by: modal("XYZUVWABCHIJKR"),
         example: mill("G43.4 H1\nG0 X0 Y0 Z50\nG49\nG91 G0 Z10"),

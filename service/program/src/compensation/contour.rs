@@ -12,8 +12,10 @@ use super::geometry::{Circle, Curve, Point, Side, angle_between, dot, minus, plu
 use super::joint::{Corner, Joint, Meeting};
 use super::window::{Place, Window, is_same};
 use super::{CompensationMode, CompensationRules, report};
+use crate::path_move::PathMove;
 use crate::{
-    ArcGeometry, Axis, Feed, FindingLog, Move, MoveKind, Operation, OperationKind, Plane, Position, SourceSpan,
+    ArcGeometry, Axis, AxisSet, Feed, FindingLog, Move, MoveKind, Operation, OperationKind, Plane, Position,
+    SourceSpan, ToolGuide,
 };
 
 /// Blocks without motion in the plane that FANUC controls look over.
@@ -41,7 +43,7 @@ enum Phase {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Block {
     span: SourceSpan,
-    step: Move,
+    step: PathMove,
     /// As programmed.
     curve: Curve,
 }
@@ -95,8 +97,9 @@ pub(super) struct Sink<'a> {
 }
 
 impl Sink<'_> {
-    fn push(&mut self, span: SourceSpan, step: Move) {
-        self.out.push(Operation { span, kind: OperationKind::Move(step) });
+    #[inline]
+    fn push(&mut self, span: SourceSpan, step: PathMove) {
+        self.out.push(Operation { span, kind: step.into() });
     }
 }
 
@@ -171,27 +174,13 @@ impl Contour {
     /// Takes an operation; whether the tool is on the programmed path again behind it.
     pub(super) fn take(&mut self, operation: Operation, sink: &mut Sink) -> bool {
         let Operation { span, kind } = operation;
-        let step = match kind {
-            OperationKind::Move(step) => step,
-            OperationKind::End => {
-                if !self.is_leaving() && self.mode.rules != CompensationRules::LinuxCnc {
-                    report::unfinished(span, self.span, sink.findings);
-                }
-                self.stand(sink);
-                sink.out.push(Operation { span, kind });
-                return true;
-            }
-            OperationKind::Thread(_) | OperationKind::Guided(_) => {
-                return self.refuse(Operation { span, kind }, "a thread or a guided tool", sink);
-            }
-            kind => {
-                self.wait(Operation { span, kind }, sink);
-                return false;
-            }
+        let step = match PathMove::of(kind, self.mode.tilted) {
+            Ok(step) => step,
+            Err(kind) => return self.take_other(Operation { span, kind }, sink),
         };
         match (self.motion(&step), self.phase) {
             (InPlane::Foreign, _) => {
-                let operation = Operation { span, kind: OperationKind::Move(step) };
+                let operation = Operation { span, kind: step.into() };
                 self.refuse(operation, "a spline or an arc in another plane", sink)
             }
             (InPlane::Rests, Phase::Entering) => {
@@ -204,7 +193,7 @@ impl Contour {
                     self.window.clear();
                     self.is_elsewhere = self.pending.is_some();
                 }
-                self.wait(Operation { span, kind: OperationKind::Move(step) }, sink);
+                self.wait(Operation { span, kind: step.into() }, sink);
                 false
             }
             (InPlane::Rests, Phase::Leaving) => self.rest_before_exit(step, span, sink),
@@ -228,10 +217,43 @@ impl Contour {
         }
     }
 
+    /// Takes what is no move along a path of the contour's coordinates; whether the contour ends with it.
+    fn take_other(&mut self, operation: Operation, sink: &mut Sink) -> bool {
+        let Operation { span, kind } = &operation;
+        match kind {
+            OperationKind::End => {
+                if !self.is_leaving() && self.mode.rules != CompensationRules::LinuxCnc {
+                    report::unfinished(*span, self.span, sink.findings);
+                }
+                self.stand(sink);
+                sink.out.push(operation);
+                true
+            }
+            OperationKind::Guided(guided) if self.goes_to_the_machine(guided.guide) => {
+                let stays = guided.held.meets(AxisSet::LINEAR);
+                self.leave_plane(operation, stays, sink);
+                true
+            }
+            OperationKind::Move(_) | OperationKind::Thread(_) | OperationKind::Guided(_) => {
+                self.refuse(operation, "a thread or a guided tool", sink)
+            }
+            _ => {
+                self.wait(operation, sink);
+                false
+            }
+        }
+    }
+
+    /// From beside a contour of a tilted plane to a place of the machine (`G53`, `G28`).
+    fn goes_to_the_machine(&self, guide: ToolGuide) -> bool {
+        self.mode.tilted && self.is_leaving() && guide == ToolGuide::Axes
+    }
+
     /// What no compensated contour can hold; the contour ends with it.
     #[cold]
     fn refuse(&mut self, operation: Operation, what: &'static str, sink: &mut Sink) -> bool {
-        report::not_permitted(operation.span, self.span, what, sink.findings);
+        let (on, is_beside) = (self.span, self.is_leaving());
+        report::not_permitted(operation.span, on, is_beside, what, sink.findings);
         self.stand(sink);
         sink.out.push(operation);
         true
@@ -240,7 +262,7 @@ impl Contour {
     /// An operation without motion in the plane.
     fn wait(&mut self, mut operation: Operation, sink: &mut Sink) {
         let Some(pending) = &self.pending else {
-            if let OperationKind::Move(step) = &mut operation.kind {
+            if let Some(step) = operation.kind.path_step_mut() {
                 self.displace(step);
             }
             return sink.out.push(operation);
@@ -373,7 +395,7 @@ impl Contour {
             self.at = target;
         }
         self.place(&mut step.end, self.at);
-        if moves || step.start != step.end {
+        if moves || !step.is_nothing() {
             sink.push(span, step);
         }
         self.displacement = minus(self.at, curve.to);
@@ -386,7 +408,7 @@ impl Contour {
         self.reported = false;
         let mut waiting = std::mem::take(&mut self.waiting);
         for mut operation in waiting.drain(..) {
-            if let OperationKind::Move(step) = &mut operation.kind {
+            if let Some(step) = operation.kind.path_step_mut() {
                 self.place(&mut step.start, self.at);
                 self.place(&mut step.end, self.at);
             }
@@ -432,6 +454,7 @@ impl Contour {
         piece.arc = circle.map(|circle| self.geometry(&circle));
         piece.feed = feed_per_minute(next, self.mode.plane);
         piece.end = piece.start;
+        piece.rest_rotary();
         self.place(&mut piece.start, self.at);
         self.place(&mut piece.end, target);
         self.at = target;
@@ -455,7 +478,7 @@ const fn line_of(span: SourceSpan) -> (u32, u32) {
 
 /// Inverse time is that of the programmed length, as the compensated one is longer or shorter; rotary axes keep it.
 fn resolve_feed(block: &mut Block, plane: Plane) {
-    let Move { start, end, feed, .. } = &block.step;
+    let Move { start, end, feed, .. } = &*block.step;
     let turns = [Axis::A, Axis::B, Axis::C].iter().any(|axis| start[axis.index()] != end[axis.index()]);
     if matches!(feed, Feed::InverseTime(_)) && !turns {
         block.step.feed = feed_per_minute(block, plane);

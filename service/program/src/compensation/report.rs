@@ -29,8 +29,15 @@ pub(super) fn unfinished(span: SourceSpan, on: SourceSpan, findings: &mut Findin
 }
 
 #[cold]
-pub(super) fn not_permitted(span: SourceSpan, on: SourceSpan, what: &str, findings: &mut FindingLog) {
+pub(super) fn not_permitted(span: SourceSpan, on: SourceSpan, is_beside: bool, what: &str, findings: &mut FindingLog) {
     findings.push_with(code::COMP_BLOCK, |code| {
+        if is_beside {
+            let message =
+                format!("{what} while the tool still stands beside the contour, behind the G40 of line {}", on.line);
+            return Finding::new(code, span, message)
+                .with_value("off_line", f64::from(on.line), "")
+                .suggest(crate::compensation::LEAVE_FIRST);
+        }
         let message = format!("{what} with the radius compensation on, since line {}", on.line);
         Finding::new(code, span, message)
             .with_value("on_line", f64::from(on.line), "")

@@ -50,7 +50,7 @@ fn fanuc(
     corner: CompensationCorner,
 ) -> (Vec<Operation>, FindingLog) {
     let rules = CompensationRules::Fanuc { entry, corner };
-    let mode = CompensationMode { left, plane: Plane::Xy, radius_mm, reference_mm: [0.0; 2], rules };
+    let mode = CompensationMode { left, plane: Plane::Xy, tilted: false, radius_mm, reference_mm: [0.0; 2], rules };
     compensated(program, (on, off), mode)
 }
 

@@ -1,5 +1,7 @@
 //! Compensation of tool radius and nose as it is programmed: `G40`, `G41`, `G42`, in LinuxCNC `G41.1` and `G42.1` as well.
 
+mod tilted;
+
 use std::borrow::Cow;
 
 use super::execute::Execution;
@@ -103,8 +105,8 @@ impl Execution<'_> {
                 Finding::new(code, span, message).suggest("select the plane before it")
             });
         }
-        if self.state.tool_control.mode != ToolMode::Off {
-            return self.compensation_refused(span, "tool centre point control or a tilted plane", span.line);
+        if !self.state.tool_control.is_plain() && self.is_contour_refused(span) {
+            return;
         }
         if self.state.coords.transform.as_ref().is_some_and(|transform| !transform.keeps_circles(plane)) {
             let message = "circles of this plane would not stay circles";
@@ -139,7 +141,8 @@ impl Execution<'_> {
             _ if is_linuxcnc => CompensationRules::LinuxCnc,
             settings => CompensationRules::Fanuc { entry: settings.entry, corner: settings.corner },
         };
-        let mode = CompensationMode { left, plane, radius_mm, reference_mm, rules };
+        let tilted = self.state.tool_control.mode == ToolMode::Plane;
+        let mode = CompensationMode { left, plane, tilted, radius_mm, reference_mm, rules };
         self.state.compensation.on = Some(CompensationOn { line: span.line, left: code_left, mode });
         self.emit(span, OperationKind::Compensation(CompensationCommand::On(mode)));
     }
@@ -319,7 +322,8 @@ impl Execution<'_> {
     fn is_refused_on_contour(&self, group: Group, meaning: Meaning, is_linuxcnc: bool) -> bool {
         match (group, meaning) {
             // They have their own finding.
-            (_, Meaning::Unsupported(_) | Meaning::VariableLead) => false,
+            (_, Meaning::Unsupported(_) | Meaning::VariableLead | Meaning::AlignTool { .. }) => false,
+            _ if self.is_refused_in_plane(meaning) => false,
             (Group::Plane, Meaning::Plane(plane)) => plane != self.state.plane,
             (Group::ToolChange, meaning) => meaning == Meaning::ToolChange,
             (Group::WorkOffset, Meaning::WorkOffset(system)) => is_linuxcnc || system != self.state.coords.system,

@@ -175,13 +175,11 @@ pub(super) fn join(
         return;
     }
     for (place, mut operation) in new.into_iter().enumerate() {
-        if let Some(pending) = state.corner.take() {
-            close(*pending, &mut operation, operations, findings);
-        }
+        // A corner may take the whole of the move behind it.
+        let is_taken = state.corner.take().is_some_and(|pending| close(*pending, &mut operation, operations, findings));
         match corners.iter().find(|(at, _)| *at == from + place) {
             Some((_, corner)) => state.corner = Some(Box::new(PendingCorner { held: operation, corner: *corner })),
-            // A corner has taken the whole of it.
-            None if operation.is_nothing() => {}
+            None if is_taken || operation.is_nothing() => {}
             None => operations.push(operation),
         }
     }
@@ -208,6 +206,11 @@ pub(super) fn interrupted(
 }
 
 const MOVE_AT_ONCE: &str = "let a move with G1, G2 or G3 in the plane follow at once";
+
+const OTHER_COORDINATES: Refusal = Refusal::of(
+    "the coordinates change behind it",
+    "change the coordinates before the corner's first move or behind its second",
+);
 
 /// Why a corner cannot be made, and what would help.
 struct Refusal {
@@ -266,8 +269,13 @@ fn refuse(corner: &Corner, next_line: u32, Refusal { message, cure }: Refusal, f
     });
 }
 
-/// Puts the corner between the move that waits and the one behind it.
-fn close(pending: PendingCorner, next: &mut Operation, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+/// Puts the corner between the move that waits and the one behind it; whether it takes the whole of that.
+fn close(
+    pending: PendingCorner,
+    next: &mut Operation,
+    operations: &mut Vec<Operation>,
+    findings: &mut FindingLog,
+) -> bool {
     let PendingCorner { mut held, corner } = pending;
     let line = next.span.line;
     match joined(&held, &corner, next) {
@@ -279,18 +287,27 @@ fn close(pending: PendingCorner, next: &mut Operation, operations: &mut Vec<Oper
                 .suggest("leave the corner out, or check the end of the block and of the next one")
         }),
         Ok(Some(parts)) => {
-            let span = held.span;
             let [first, middle, last] = *parts;
+            let mut between = held.clone();
+            replace_step(&mut between, middle);
             if first.start != first.end {
-                held.kind = OperationKind::Move(first);
+                replace_step(&mut held, first);
                 operations.push(held);
             }
-            next.kind = OperationKind::Move(last);
-            operations.push(Operation { span, kind: OperationKind::Move(middle) });
-            return;
+            let is_taken = last.is_nothing();
+            replace_step(next, last);
+            operations.push(between);
+            return is_taken;
         }
     }
     operations.push(held);
+    false
+}
+
+fn replace_step(operation: &mut Operation, step: Move) {
+    if let Some(place) = operation.kind.path_step_mut() {
+        *place = step;
+    }
 }
 
 /// Whether a corner can be between two moves: both are lines or arcs in its plane, and the second goes where its sign says.
@@ -300,10 +317,7 @@ fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), Refusal
         return Err(Refusal::of("what follows is no move with G1, G2 or G3", MOVE_AT_ONCE));
     }
     if first.end != last.start || first.work_offset != last.work_offset {
-        return Err(Refusal::of(
-            "the coordinates change behind it",
-            "change the coordinates before the corner's first move or behind its second",
-        ));
+        return Err(OTHER_COORDINATES);
     }
     if matches!(first.feed, Feed::InverseTime(_)) {
         return Err(Refusal::of(
@@ -350,7 +364,7 @@ fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), Refusal
 
 /// The three moves instead of two; nothing where the moves are tangent, so that there is no corner.
 fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<Box<[Move; 3]>>, Refusal> {
-    let (OperationKind::Move(first), OperationKind::Move(last)) = (&held.kind, &next.kind) else {
+    let (Some(first), Some(last)) = (held.kind.path_step(), next.kind.path_step()) else {
         return Err(match next.kind {
             OperationKind::Compensation(_) => Refusal::of(
                 "the next block switches the radius compensation on or off",
@@ -359,6 +373,9 @@ fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<
             _ => Refusal::of("what follows is no move", MOVE_AT_ONCE),
         });
     };
+    if held.kind.path_frame() != next.kind.path_frame() {
+        return Err(OTHER_COORDINATES);
+    }
     check_sides(first, last, corner)?;
     let (along, across) = corner.plane.axes();
     let point = |position: &Position| [position[along.index()], position[across.index()]];

@@ -195,7 +195,7 @@ impl Execution<'_> {
             next.offset = Position::default();
             let change_mm = next.length_mm - self.state.length.length_mm;
             self.state.length = next;
-            if change_mm != 0.0 {
+            if change_mm != 0.0 && !self.ends_contour(span, "another tool length in a tilted plane") {
                 // The machine rests, and the tip moves along the tool axis: along the normal where that is aligned.
                 let control = &mut self.state.tool_control;
                 let moved = if control.is_aligned { AxisSet::NONE.with_axis(Axis::Z) } else { AxisSet::LINEAR };

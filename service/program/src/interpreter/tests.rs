@@ -31,6 +31,7 @@ mod straight;
 mod thread_cycles;
 mod threads;
 mod tilted;
+mod tilted_contours;
 mod tool_control;
 mod turning;
 

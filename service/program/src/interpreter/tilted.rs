@@ -80,10 +80,12 @@ impl Execution<'_> {
             Form::Part => return,
             Form::Refused => None,
         };
+        let ends_contour = plane.is_some() && self.ends_contour(span, "a tilted plane (G68.2)");
         let control = self.state.tool_control;
         match control.mode {
             ToolMode::Off => {}
-            ToolMode::Plane if self.state.is_plane_refused() => {}
+            // Once the contour is left, G69 is the next thing.
+            ToolMode::Plane if ends_contour || self.state.is_plane_refused() => {}
             ToolMode::Plane => {
                 let on_line = control.on_line;
                 return self.findings.push_with(code::PLANE_NESTED, |code| {
@@ -111,6 +113,7 @@ impl Execution<'_> {
 
     /// From here on coordinates are those of the plane; without one, as it was refused, they are nobody's.
     fn enter_plane(&mut self, plane: Option<TiltedPlane>, on_line: u32) {
+        self.state.compensation.on = None;
         // The length is along the tool axis now, wherever that points.
         self.state.length.offset = Position::default();
         self.resolve_held();
@@ -144,6 +147,7 @@ impl Execution<'_> {
             return;
         }
         self.end_cycle_before_plane(span);
+        self.ends_contour(span, "the end of a tilted plane (G69)");
         // Only the machine knows where the axes are in plain coordinates.
         let held = self.state.tool_control.held.with(AxisSet::LINEAR);
         self.state.tool_control = ToolControl { held, ..ToolControl::default() };
@@ -165,6 +169,7 @@ impl Execution<'_> {
                     .suggest("tilt the plane first, such as G68.2 X0 Y0 Z0 I0 J30. K0")
             });
         }
+        self.ends_contour(span, "a turn of the tool axis onto the plane (G53.1, G53.6)");
         let solution = match word.map(|word| (word, word.number.value())) {
             None | Some((_, 0.0)) => ToolAxisSolution::Preferred,
             Some((_, 1.0)) => ToolAxisSolution::Larger,
@@ -283,6 +288,12 @@ impl Execution<'_> {
             return false;
         }
         let span = self.block.word_span(self.block.slot(rotary.trailing_zeros() as usize));
+        if self.is_on_contour() {
+            self.plane_error(span, "an angle of a rotary axis on a contour in a tilted plane", |finding| {
+                finding.suggest("take it out of the contour: position the rotary axes before G68.2")
+            });
+            return true;
+        }
         self.plane_error(span, "an angle of a rotary axis in a tilted plane", |finding| {
             finding
                 .suggest("turn the tool axis onto the plane with G53.1, or position the rotary axes before G68.2")

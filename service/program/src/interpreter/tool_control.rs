@@ -1,6 +1,8 @@
 //! Tool centre point control: `G43.4` with the angles of the rotary axes, `G43.5` with direction vectors, `G49`; and
 //! the moves under it.
 
+mod held;
+
 use super::execute::Execution;
 use super::motion::{CURVE_LETTERS, Frame, curve_letters, set_bits};
 use super::spline::is_point;
@@ -9,7 +11,7 @@ use crate::code;
 use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
 use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
-    ArcGeometry, Axis, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, Move, MoveKind, OperationKind,
+    ArcGeometry, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, Move, MoveKind, OperationKind,
     Position, SourceSpan, SplineGeometry, ToolGuide,
 };
 
@@ -179,6 +181,10 @@ impl Execution<'_> {
     pub(super) fn not_permitted(&mut self, span: SourceSpan, what: &'static str) {
         let ToolControl { on_line, mode, .. } = self.state.tool_control;
         let (code, place, cure) = match mode {
+            ToolMode::Plane if self.is_on_contour() => {
+                let cure = "leave the contour with G40 and a straight move, and cancel the plane with G69 behind that";
+                (code::PLANE_BLOCK, "on a contour in a tilted plane", cure)
+            }
             ToolMode::Plane => (code::PLANE_BLOCK, "in a tilted plane", "cancel the plane with G69 first"),
             _ => (code::TOOL_CONTROL_BLOCK, "under tool centre point control", "switch it off with G49 first"),
         };
@@ -228,15 +234,19 @@ impl Execution<'_> {
         let Some((kind, path, feed)) = self.guided_path(motion, axes, &end, is_held_curve) else {
             return self.state.position = end;
         };
+        // From within a plane, places of the machine are those of other coordinates.
+        let goes_to_the_machine = mode == ToolMode::Plane && frame == Frame::Machine;
         let still = matches!(path, GuidedPath::Straight)
-            && end == self.state.position
-            && held_before.is_empty()
+            && !goes_to_the_machine
+            && self.is_still(&end, held_before)
             && direction_before == self.state.tool_control.direction;
         if let Some(feed) = feed.filter(|_| !still) {
-            if mode == ToolMode::Plane && frame == Frame::Machine {
+            if goes_to_the_machine {
                 self.emit_from_plane(kind, end, self.named_axes(axes), feed);
             } else {
-                self.emit_guided(self.guide(direction_before), kind, end, feed, path);
+                let guide = self.guide(direction_before);
+                let corner = self.guided_corner(guide, kind, axes, held_before);
+                self.emit_with_corner(corner, |this| this.emit_guided(guide, kind, end, feed, path));
             }
         }
         self.state.position = end;
@@ -361,6 +371,10 @@ impl Execution<'_> {
         path: GuidedPath,
     ) {
         let mut step = self.new_move(kind, end, feed);
+        let has_path = matches!(guide, ToolGuide::Plane | ToolGuide::Axes);
+        if has_path && matches!(path, GuidedPath::Straight) && !self.state.compensator.is_off() {
+            self.name_exit(&end);
+        }
         match path {
             GuidedPath::Straight => {}
             GuidedPath::Arc(arc) => step.arc = Some(arc),
@@ -447,37 +461,6 @@ impl Execution<'_> {
                     .suggest("write the direction from the tip to the spindle, such as I0 J0 K1")
             }),
         }
-    }
-
-    /// A word of an axis that only the machine knows the place of: an absolute one places it.
-    #[cold]
-    pub(super) fn place_held(&mut self, axis: Axis, increment: bool, value: f64, span: SourceSpan) {
-        let held = &mut self.state.tool_control.held;
-        if !held.contains(axis) {
-            return;
-        }
-        if !increment {
-            *held = held.without(axis);
-        } else if value != 0.0 {
-            self.findings.push_with(code::TOOL_CONTROL_HELD, |code| {
-                let letter = axis.letter();
-                let message = format!(
-                    "{letter} by {value} from a place that the program does not know: the coordinates have changed \
-                     with the tool centre point control or a tilted plane"
-                );
-                Finding::new(code, span, message)
-                    .with_value("increment", value, if axis.is_rotary() { "deg" } else { "mm" })
-                    .suggest(format!("place {letter} with an absolute word first"))
-            });
-        }
-    }
-
-    pub(super) fn held_start(&mut self, span: SourceSpan) {
-        self.findings.push_with(code::TOOL_CONTROL_HELD, |code| {
-            let message = "an arc, a spline, a thread or a drilling cycle from a place that the program does not know: the \
-                           coordinates have changed with the tool centre point control or a tilted plane";
-            Finding::new(code, span, message).suggest("place every axis with G0 or G1 first")
-        });
     }
 }
 

@@ -7,11 +7,12 @@ use super::super::joint::Meeting;
 use super::super::window::Place;
 use super::super::{CompensationEntry, CompensationRules, report};
 use super::{Block, Contour, Pending, Phase, ROUNDING, Sink, line_of, resolve_feed};
-use crate::{Move, MoveKind, Operation, OperationKind, SourceSpan};
+use crate::path_move::PathMove;
+use crate::{MoveKind, Operation, SourceSpan};
 
 impl Contour {
     /// A block in front of the first move in the plane.
-    pub(super) fn rest_before_entry(&mut self, mut step: Move, span: SourceSpan, sink: &mut Sink) {
+    pub(super) fn rest_before_entry(&mut self, mut step: PathMove, span: SourceSpan, sink: &mut Sink) {
         if self.mode.rules == CompensationRules::LinuxCnc && !self.reported {
             self.reported = true;
             report::entry_short(span, 0.0, self.mode.radius_mm, sink.findings);
@@ -136,9 +137,9 @@ impl Contour {
     }
 
     /// A block behind `G40` that rests in the plane: whether the tool is on the programmed path behind it.
-    pub(super) fn rest_before_exit(&mut self, mut step: Move, span: SourceSpan, sink: &mut Sink) -> bool {
+    pub(super) fn rest_before_exit(&mut self, mut step: PathMove, span: SourceSpan, sink: &mut Sink) -> bool {
         if self.pending.is_some() {
-            self.wait(Operation { span, kind: OperationKind::Move(step) }, sink);
+            self.wait(Operation { span, kind: step.into() }, sink);
             return false;
         }
         let goes = self.mode.rules == CompensationRules::LinuxCnc;
@@ -155,6 +156,19 @@ impl Contour {
             sink.push(span, step);
         }
         goes
+    }
+}
+
+impl Contour {
+    /// A move to a place of the machine behind `G40` in a tilted plane. The tool `stays` beside the programmed point where the move
+    /// names no place of an axis; the coordinates of the plane do not say how far, so that every axis is placed anew behind it.
+    #[cold]
+    pub(super) fn leave_plane(&mut self, operation: Operation, stays: bool, sink: &mut Sink) {
+        self.stand(sink);
+        if stays && !self.reported && self.displacement != [0.0; 2] {
+            report::exit_elsewhere(operation.span, self.span, false, self.displacement, sink.findings);
+        }
+        sink.out.push(operation);
     }
 }
 

@@ -105,7 +105,14 @@ fn example_10_linuxcnc() {
 #[test]
 fn example_10_fanuc() {
     let rules = CompensationRules::Fanuc { entry: CompensationEntry::A, corner: CompensationCorner::Linear };
-    let mode = CompensationMode { left: false, plane: Plane::Zx, radius_mm: 0.4, reference_mm: [-0.4, -0.4], rules };
+    let mode = CompensationMode {
+        left: false,
+        plane: Plane::Zx,
+        tilted: false,
+        radius_mm: 0.4,
+        reference_mm: [-0.4, -0.4],
+        rules,
+    };
     let program = "G21 F100 G18 G8 G0 X30 Z10\nG1 X10 Z5\nZ-10\nX15 Z-15\nZ-20\nX20\nG0 X40 Z0";
     let (operations, findings) = compensated(program, (2, 7), mode);
     assert_eq!(codes(&findings, Severity::Error), [""; 0]);

@@ -202,7 +202,8 @@ enum Outcome {
 
 fn check(elements: &[Element], entry_turn: f64, left: bool, rules: CompensationRules) -> Outcome {
     let programmed = contour(elements, entry_turn);
-    let mode = CompensationMode { left, plane: Plane::Xy, radius_mm: RADIUS_MM, reference_mm: [0.0; 2], rules };
+    let mode =
+        CompensationMode { left, plane: Plane::Xy, tilted: false, radius_mm: RADIUS_MM, reference_mm: [0.0; 2], rules };
     let mut stage = Compensator::default();
     let (mut out, mut findings) = (Vec::new(), FindingLog::default());
     let span = |line: usize| SourceSpan { line: line as u32, column: 1, length: 1, ..SourceSpan::default() };

@@ -48,8 +48,9 @@ impl Execution<'_> {
         }
         // The way over the point is the axes' own, whatever offset is to come.
         self.forget_due(axes);
+        let held = self.state.tool_control.held;
         let over = self.target(axes, Frame::Work);
-        self.rapid(over);
+        self.rapid(over, held);
         self.state.position = over;
         let named = self.named_axes(axes);
         let intermediate = Intermediate { axes: named, position: over, total: self.state.coords.total };
@@ -130,13 +131,14 @@ impl Execution<'_> {
             }
             self.state.coords.programmed(&machine)
         };
+        let held = self.state.tool_control.held;
         for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
             self.state.tool_control.held = self.state.tool_control.held.without(axis);
         }
         if self.state.tool_control.mode == ToolMode::Plane {
             self.emit_from_plane(MoveKind::Rapid, home, named, Feed::PerMinute(0.0));
         } else {
-            self.rapid(home);
+            self.rapid(home, held);
         }
         self.state.position = home;
     }
@@ -163,10 +165,11 @@ impl Execution<'_> {
         }
     }
 
-    fn rapid(&mut self, end: Position) {
+    /// Rapid to `end`; `held_before` are the axes whose places only the machine knew before its words.
+    fn rapid(&mut self, end: Position, held_before: AxisSet) {
         if self.state.tool_control.is_plain() {
             self.emit_move(MoveKind::Rapid, &end, None, Feed::PerMinute(0.0));
-        } else {
+        } else if !(self.is_on_contour() && self.is_still(&end, held_before)) {
             self.emit_guided(self.guide(None), MoveKind::Rapid, end, Feed::PerMinute(0.0), GuidedPath::Straight);
         }
     }
@@ -196,14 +199,15 @@ impl Execution<'_> {
             );
         }
         let named = self.named_axes(axes);
+        let held = self.state.tool_control.held;
         let mut over = self.state.position;
         for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis) && intermediate.axes.contains(*axis)) {
             over[axis.index()] = intermediate.position[axis.index()];
         }
-        self.rapid(over);
+        self.rapid(over, held);
         self.state.position = over;
         let end = self.target(axes, Frame::Work);
-        self.rapid(end);
+        self.rapid(end, held);
         self.state.position = end;
     }
 
