@@ -521,6 +521,22 @@ def test_asyncio_does_the_same(server, slot):
     assert slot.name in names and error.violations and waited.is_ready
 
 
+def test_a_closed_client_says_so(server):
+    client = server.connect()
+    client.close()
+    for call in (lambda: client.validate(TRAP, machine="lathe"), lambda: list(client.jobs())):
+        with pytest.raises(feedwave.ClosedError, match="the client is closed: "):
+            call()
+
+    async def scene():
+        other = feedwave.aio.connect(server.ports["grpc"])
+        await other.close()
+        with pytest.raises(feedwave.ClosedError, match="the client is closed: "):
+            await other.validate(TRAP, machine="lathe")
+
+    asyncio.run(scene())
+
+
 def test_a_decision_says_why_nothing_was_judged():
     proto = decisions_pb2.Decision(sensor_time_ns=1_099_000_000)
     proto.span.samples, proto.span.valid, proto.span.removed.out_of_range = 100, 46, 54

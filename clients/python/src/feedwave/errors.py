@@ -26,6 +26,10 @@ class ContractError(Error):
     """The service has sent what its contract excludes."""
 
 
+class ClosedError(Error):
+    """A call of a client that was closed."""
+
+
 class SourceError(Error, ValueError):
     """A program, a file or an argument that cannot be meant; nothing was sent."""
 

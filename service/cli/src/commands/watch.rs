@@ -71,7 +71,10 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
     if args.format == Format::Text && term.is_term() {
         return on_screen(&client, &args, &term).await;
     }
-    changes(&client, &args).await
+    tokio::select! {
+        ended = changes(&client, &args) => ended,
+        _ = tokio::signal::ctrl_c() => Ok(ExitCode::SUCCESS),
+    }
 }
 
 async fn once(client: &Client, format: Format) -> Result<ExitCode, CliError> {

@@ -289,7 +289,7 @@ impl Block {
                 TokenKind::NotUtf8 => {
                     (format!("{length} bytes that are not UTF-8 text"), if within { AGAIN } else { "remove them" })
                 }
-                TokenKind::BlockDelete if line[..start].ends_with(b" ") => (
+                TokenKind::BlockDelete if !is_label(&line[..start]) => (
                     "/ inside a block skips the rest of it on some controls only".to_owned(),
                     "write what may be skipped in a block of its own that begins with /",
                 ),
@@ -303,6 +303,11 @@ impl Block {
             finding.suggest(cure)
         });
     }
+}
+
+/// Whether a text is a line number and no more.
+fn is_label(text: &[u8]) -> bool {
+    text.iter().all(|byte| matches!(byte, b'N' | b'n' | b' ' | b'0'..=b'9'))
 }
 
 /// End of a text whose first word ends here: further words of letters alone belong to it.

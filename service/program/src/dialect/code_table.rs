@@ -6,7 +6,7 @@ mod tests;
 use std::sync::OnceLock;
 
 use super::lathe::{haas_codes, system_codes};
-use super::tables::{HAAS_M_CODES, HAAS_MILL_M_CODES, code};
+use super::tables::{HAAS_LATHE_M_CODES, HAAS_M_CODES, HAAS_MILL_M_CODES, code};
 use super::{Code, Dialect, Group, MachineRule, Meaning, letter_bit, machine_codes};
 use crate::code_replacement::Replacement;
 use crate::{DialectName, Function, FunctionCodes, LanguageSettings};
@@ -190,7 +190,7 @@ fn g_codes(settings: &LanguageSettings) -> impl Iterator<Item = &'static Code> {
 fn m_codes(settings: &LanguageSettings) -> impl Iterator<Item = &'static Code> {
     let haas: [&[Code]; 2] = match (settings.is_haas(), settings.dialect) {
         (true, DialectName::Mill) => [HAAS_M_CODES, HAAS_MILL_M_CODES],
-        (true, _) => [HAAS_M_CODES, &[]],
+        (true, _) => [HAAS_M_CODES, HAAS_LATHE_M_CODES],
         (false, _) => [&[], &[]],
     };
     Dialect::of(settings).m_codes().chain(haas.into_iter().flatten())

@@ -105,6 +105,9 @@ const MILL: &[MachineRule] = &[
     rule(60, Stop, "").at(MachineStep::After).of(Group::Stop),
 ];
 
+/// What Haas lathes have beside: `M24` ends the chamfers of threads that `M23` begins.
+const HAAS_LATHE: &[MachineRule] = &[rule(24, Nothing, "")];
+
 /// LinuxCNC, but for the codes of the user, 100 to 199.
 const LINUXCNC: &[MachineRule] = &[
     rule(19, Barrier, "RPQ").at(MachineStep::Spindle).of(Group::Spindle).acts(Orient),
@@ -136,6 +139,7 @@ const LAST_USER_CODE: u32 = 199;
 /// The M codes of the machine, ascending; what the profile lists takes the place of the dialect's.
 pub(super) fn rules(settings: &LanguageSettings) -> Vec<MachineRule> {
     let own: [&[MachineRule]; 2] = match settings.dialect {
+        DialectName::Lathe if settings.is_haas() => [FANUC, HAAS_LATHE],
         DialectName::Lathe => [FANUC, &[]],
         DialectName::Mill => [FANUC, MILL],
         DialectName::LinuxCnc => [LINUXCNC, &[]],

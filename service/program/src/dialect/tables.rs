@@ -124,6 +124,8 @@ pub(super) const FANUC_G_CODES: &[Code] = &[
     unsupported(301, "the floating reference position"),
     unsupported(390, "an arc at a corner of a compensated contour"),
     unsupported(401, "the end of the tool turned at right angles to the path"),
+    unsupported(412, "three-dimensional radius compensation, left"),
+    unsupported(422, "three-dimensional radius compensation, right"),
     unsupported(411, "the tool turned at right angles to the path, left"),
     unsupported(421, "the tool turned at right angles to the path, right"),
     unsupported(450, "lengthening a move by a tool offset"),
@@ -180,14 +182,31 @@ pub(super) const FANUC_M_CODES: &[Code] =
     &[code(970, Group::Subprogram, Meaning::LocalCall), code(1_980, Group::Subprogram, Meaning::Call)];
 
 /// What Haas mills have that FANUC's do not.
-pub(super) const HAAS_MILL_G_CODES: &[Code] =
-    &[code(770, Group::Motion, Meaning::Unsupported("back boring of Haas controls, which is G87 on others"))];
+pub(super) const HAAS_MILL_G_CODES: &[Code] = &[
+    code(770, Group::Motion, Meaning::Unsupported("back boring of Haas controls, which is G87 on others")),
+    unsupported(350, "measuring the diameter of a tool on Haas controls"),
+    unsupported(360, "measuring a work offset on Haas controls"),
+    unsupported(1_360, "measuring the centre of a work offset on Haas controls"),
+    code(1_740, Group::Motion, Meaning::Unsupported("tapping of left-hand threads in any direction on Haas controls")),
+    code(1_840, Group::Motion, Meaning::Unsupported("tapping in any direction on Haas controls")),
+    unsupported(1_880, "the program of a pallet on Haas controls"),
+    unsupported(2_530, "the spindle at right angles to the plane on Haas controls"),
+    unsupported(2_680, "the feature coordinate system of Haas controls: write G68.2"),
+    unsupported(2_690, "the end of the feature coordinate system of Haas controls"),
+];
 
 /// M codes of Haas controls that are those of the machine's builder elsewhere.
 pub(super) const HAAS_M_CODES: &[Code] = &[
     code(960, Group::Subprogram, Meaning::Unsupported("a jump that an input decides")),
     unsupported(1_090, "a question that the operator answers"),
 ];
+
+/// Those of Haas lathes beside.
+pub(super) const HAAS_LATHE_M_CODES: &[Code] = &[code(
+    230,
+    Group::NonModal,
+    Meaning::Unsupported("chamfers at the ends of threads that a setting of the control sizes"),
+)];
 
 /// Those of Haas mills beside.
 pub(super) const HAAS_MILL_M_CODES: &[Code] = &[code(160, Group::ToolChange, Meaning::ToolChange)];

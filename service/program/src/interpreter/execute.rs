@@ -371,6 +371,12 @@ impl Execution<'_> {
         self.emit(span, OperationKind::Dwell { time, work_offset: self.machine_offset() });
     }
 
+    /// Whether the `P` of a dwell, `G4` or that of a cycle, is in milliseconds. With a decimal point it is in seconds on Haas controls;
+    /// FANUC takes whole milliseconds only.
+    pub(super) fn is_dwell_in_ms(&self, word: &Word) -> bool {
+        self.settings.dwell_p_unit == DwellUnit::Milliseconds && !word.number.has_point()
+    }
+
     fn dwell(&mut self) {
         let Some((Meaning::Dwell, span)) = self.code(Group::NonModal) else {
             return;
@@ -395,8 +401,7 @@ impl Execution<'_> {
         let seconds = first.map(|(word, is_p)| {
             let value = word.number.value();
             let thousandths = match is_p {
-                // A P with a decimal point is in seconds on Haas controls; FANUC takes whole milliseconds only.
-                true => self.settings.dwell_p_unit == DwellUnit::Milliseconds && !word.number.has_point(),
+                true => self.is_dwell_in_ms(&word),
                 // The least increment of a time is a millisecond.
                 false => self.settings.decimal_point == DecimalPointRule::LeastIncrement && !word.number.has_point(),
             };

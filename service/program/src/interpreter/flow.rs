@@ -385,6 +385,11 @@ fn span_of(mark: Mark) -> SourceSpan {
 }
 
 impl FlowState {
+    /// Whether a modal macro (`G66`) is in force.
+    pub(super) const fn has_modal_calls(&self) -> bool {
+        !self.modal.is_empty()
+    }
+
     /// Whether lines were passed over and no block has done anything: those of subprograms of the O-word language.
     pub(super) const fn has_only_passed_subprograms(&self) -> bool {
         self.has_jumped && self.moves == 0 && self.codes == 0

@@ -86,7 +86,9 @@ impl Execution<'_> {
                 self.state.position = self.target(axes, frame);
                 return;
             }
-        } else if axes == 0 && (curve_words == 0 || self.is_contour_control(axes, before)) {
+        } else if self.is_smooth_interpolation(axes, before)
+            || axes == 0 && (curve_words == 0 || self.is_contour_control(axes, before))
+        {
             return self.check_motion_words();
         }
         if self.state.angle_line.is_some() {

@@ -136,6 +136,27 @@ impl Execution<'_> {
         true
     }
 
+    /// Whether a block is `G5.1 Q2` or `Q3` with zeros for its axes, which on FANUC controls begins contour control with smoothing along
+    /// these axes; motion stays as it was `before`.
+    pub(super) fn is_smooth_interpolation(&mut self, axes: u32, before: Motion) -> bool {
+        let Some((Meaning::QuadraticSpline, _)) = self.code(Group::Motion) else { return false };
+        let value = |letter: u8| self.block.word(letter).map(|word| word.number.value());
+        let is_asked = matches!(value(b'Q'), Some(2.0 | 3.0)) && value(b'P').is_none();
+        let others = self.block.letters & (letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K')) != 0;
+        let rest =
+            (b'A'..=b'Z').filter(|letter| axes & letter_bit(*letter) != 0).all(|letter| value(letter) == Some(0.0));
+        if self.table.dialect.is_linuxcnc || !is_asked || others || axes == 0 || !rest {
+            return false;
+        }
+        self.used |= axes | letter_bit(b'Q');
+        self.state.motion = before;
+        match self.take(b'R') {
+            None => self.contour_on(self.settings.default_path_tolerance_mm),
+            Some(word) => self.contour_level(&word),
+        }
+        true
+    }
+
     /// `R` of `G5.1 Q1`.
     fn contour_level(&mut self, word: &Word) {
         let value = word.number.value();

@@ -65,6 +65,7 @@ class Client:
 
     def close(self) -> None:
         """Closes the connection; calls that are under way end."""
+        self._transport.is_closed = True
         self._transport.channel.close()
 
     def __enter__(self) -> Self:

@@ -11,7 +11,7 @@ import grpc
 from google.protobuf.message import Message
 
 from .._flow import PACKAGE, Call, Emit, Flow, Open, Operation, Read, Work, encode, method_of
-from ..errors import from_rpc
+from ..errors import ClosedError, from_rpc
 
 T = TypeVar("T")
 
@@ -41,6 +41,8 @@ class Transport:
 
     def __init__(self, channel: grpc.Channel, metadata: tuple[tuple[str, str | bytes], ...], timeout_s: float) -> None:
         self.channel, self._metadata, self._timeout_s = channel, metadata, timeout_s
+        # Set where the client closes the channel.
+        self.is_closed = False
 
     def run(self, flow: Flow[T]) -> T:
         """The result of a flow that emits nothing."""
@@ -74,6 +76,8 @@ class Transport:
             flow.close()
 
     def _perform(self, operation: Operation) -> Any:
+        if self.is_closed and isinstance(operation, (Call, Open)):
+            raise ClosedError(f"the client is closed: {operation.method} was not called")
         try:
             if isinstance(operation, Call):
                 return self._call(operation)

@@ -66,6 +66,7 @@ class Client:
 
     async def close(self) -> None:
         """Closes the connection; calls that are under way end."""
+        self._transport.is_closed = True
         await self._transport.channel.close()
 
     async def __aenter__(self) -> Self:

@@ -2,11 +2,11 @@
 
 use super::super::execute::Execution;
 use super::Drive;
-use crate::Finding;
 use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::FeedUnit;
 use crate::state::Cycle;
+use crate::{DialectName, Finding};
 
 /// Leads of taps, mm.
 const LEADS_MM: core::ops::RangeInclusive<f64> = 1e-4..=500.0;
@@ -84,12 +84,15 @@ impl Execution<'_> {
         }
         let name = self.cycle_name();
         if !self.state.spindle_turns() {
-            let cure = if cycle == Cycle::TapLeft {
-                "start it before, such as M4 S500"
-            } else {
-                "start it before, such as M3 S500"
+            let start = if cycle == Cycle::TapLeft { "M4" } else { "M3" };
+            let cure = match self.settings.dialect {
+                DialectName::Lathe => format!(
+                    "start it before, such as {start} S500; where an M code of the machine starts a live tool, list that code with \
+                     {start} in code_replacements of the profile's language"
+                ),
+                _ => format!("start it before, such as {start} S500"),
             };
-            self.spindle_finding(&format!("the spindle does not turn in {name}"), cure);
+            self.spindle_finding(&format!("the spindle does not turn in {name}"), &cure);
             return None;
         }
         let wrong = match (cycle, self.state.spindle_direction) {

@@ -8,7 +8,7 @@ use crate::block::Word;
 use crate::code;
 use crate::dialect::{Letter, letter_bit};
 use crate::state::Cycle;
-use crate::{Axis, BoringShift, DrillingStyle, DwellUnit, Finding, Position};
+use crate::{Axis, BoringShift, DrillingStyle, Finding, Position};
 
 /// Values of the settings of where a pecking tool goes, with what each says.
 const PECK_RETURNS: &str = "PECK_RETURN_R_LEVEL where the tool goes out of the hole, to PECK_RETURN_BACK where it goes back by \
@@ -147,11 +147,7 @@ impl Execution<'_> {
             return Some(self.state.drilling.dwell_s.unwrap_or(0.0));
         };
         let value = word.number.value();
-        let haas_seconds = self.settings.drilling.style == DrillingStyle::Haas && word.number.has_point();
-        let seconds = match self.settings.dwell_p_unit {
-            DwellUnit::Milliseconds if !haas_seconds => value / 1_000.0,
-            _ => value,
-        };
+        let seconds = if self.is_dwell_in_ms(&word) { value / 1_000.0 } else { value };
         if seconds < 0.0 {
             self.drill_value(
                 &word,

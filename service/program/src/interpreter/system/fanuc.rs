@@ -112,6 +112,7 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
         }),
         9 if !is_lathe && state.drilling.cycle.is_none() => Some(80.0),
         11 if !is_lathe => choose(transform.is_some_and(|it| it.scaling.is_some()), 51.0, 50.0),
+        12 => choose(state.flow.has_modal_calls(), 66.0, 67.0),
         13 if !is_lathe => choose(state.surface_speed, 96.0, 97.0),
         14 => Some(f64::from(state.coords.system.tenths()) / 10.0),
         15 if !is_lathe && state.path_code > 0 => Some(f64::from(state.path_code) / 10.0),

@@ -70,6 +70,40 @@ fn m_codes_of_haas_controls() {
 }
 
 #[test]
+fn a_dwell_of_a_cycle_is_read_as_that_of_g4() {
+    for (settings, seconds) in [
+        (mill(), 1.0),
+        (haas(mill()), 1.0),
+        (LanguageSettings { dwell_p_unit: crate::DwellUnit::Seconds, ..mill() }, 1.0),
+    ] {
+        let found = render("M3 S500\nG4 P1.\nG82 X0 Z-1 R0 P1. F100\nG80\nM30\n", &settings);
+        assert_eq!(found.matches(&format!("dwell {seconds}\n")).count(), 2, "{found}");
+    }
+    let found = render("M3 S500\nG4 P500\nG82 X0 Z-1 R0 P500 F100\nG80\nM30\n", &mill());
+    assert_eq!(found.matches("dwell 0.5\n").count(), 2, "{found}");
+}
+
+#[test]
+fn requests_and_words_of_posts_that_change_nothing_here() {
+    // Smoothing along axes, which are named by zeros.
+    let found = render("G61\nG0 X1\nG5.1 Q2 X0 Y0 Z0\nX2\nG5.1 Q0\nM30\n", &mill());
+    assert!(found.contains("rapid 0 -> X1") && found.contains("rapid X1 -> X2") && !found.contains('!'), "{found}");
+    let found = render("G0 X1\nG5.1 Q2 X1 Y0 Z0\nM30\n", &mill());
+    assert!(found.contains('!'), "a place is none of a request: {found}");
+    // No step from groove to groove, as there is one hole.
+    let pecks = "M3 S500\nG0 X0 Z1.\nG74 R1.\nG74 X0 Z-3.{}Q2000 F0.1\nM30\n";
+    let [with, without] = [" P0 ", " "].map(|words| render(pecks.replace("{}", words), &lathe()));
+    assert!(!with.contains('!'), "{with}");
+    assert_eq!(with, without);
+    let a = LanguageSettings { g_code_system: Some(GCodeSystem::A), ..lathe() };
+    check(&haas(a.clone()), "M24\nM23", "M24 None\n! 2:1+3 PRG-UNSUPPORTED-CODE");
+    let found = render("G0 X#4012\nM30\n", &mill());
+    assert!(found.contains("rapid 0 -> X67"), "{found}");
+    let found = render("G0X1./M8\nM30\n", &mill());
+    assert!(found.contains("! 1:6+1 "), "{found}");
+}
+
+#[test]
 fn haas_controls_tap_with_the_spindle_and_start_it_themselves() {
     let tap = |sense: [&str; 2]| format!("tap 0 -> Z-8 @1 {} 500\ntap Z-8 -> 0 @1 {} 500", sense[0], sense[1]);
     let left = tap(["ccw", "cw"]);

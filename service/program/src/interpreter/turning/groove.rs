@@ -98,6 +98,11 @@ impl Execution<'_> {
             DrillingStyle::Fanuc if one_line => THOUSANDTHS,
             _ => SCALED,
         };
+        let deep = usize::from(along == Axis::Z);
+        // Posts write P0 beside pecks without a step.
+        if self.block.word(steps[1 - deep]).is_some_and(|word| word.number.value() == 0.0) {
+            self.take(steps[1 - deep]);
+        }
         let along_x = self.turning_length(steps[0], "step_along_x", &DEPTHS_MM, read);
         let along_z = self.turning_length(steps[1], "step_along_z", &DEPTHS_MM, read);
         let relief = self.turning_length(relief_letter, "relief", &LENGTHS_MM, read_relief);
@@ -107,7 +112,6 @@ impl Execution<'_> {
         }
         let feed = self.cutting_feed();
         let (along_x, along_z, relief, feed) = (along_x?, along_z?, relief?, feed?);
-        let deep = usize::from(along == Axis::Z);
         let pecks = [along_x, along_z];
         let names = ["X", "Z"];
         if end[deep] == start[deep] {
