@@ -12,6 +12,14 @@ crate::finding_codes! {
         example: lathe("M3 S500\nG32 Z-20 F0"),
     }
 
+    "PRG-THREAD-PER-INCH" [THREAD_FEW_PER_INCH: Warning] {
+        meaning: "fewer than four threads per inch by E, whose number may be meant as the lead",
+        cause: "The profile says that `E` is threads per inch, or says nothing; other controls have it as the lead: `E1.5` is a lead of 16.933 mm or \
+              of 1.5 mm.",
+        cure: "Write the lead as F, or set `language.thread_e_word` of the machine profile as the control has it.",
+        example: lathe("M3 S500\nG0 X30 Z5\nG32 Z-20 E1.5"),
+    }
+
     "PRG-THREAD-LEAD-MISSING" [THREAD_LEAD_MISSING: Error] {
         meaning: "a thread without a lead",
         cause: "Neither the thread nor one before it has F or E; the feed of a cut is not used as a lead.",

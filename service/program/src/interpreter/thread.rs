@@ -41,6 +41,9 @@ struct Cut {
     included_angle_deg: Option<f64>,
 }
 
+/// Threads per inch below which hardly a thread is.
+const FEW_THREADS_PER_INCH: f64 = 4.0;
+
 impl Execution<'_> {
     /// Whether the `F` of this block is the lead of a thread.
     pub(super) fn is_thread_block(&self) -> bool {
@@ -174,6 +177,7 @@ impl Execution<'_> {
             }
             (None, Some(word)) if self.settings.thread_e_word == ThreadEWord::ThreadsPerInch => {
                 let lead_mm = MM_PER_INCH / word.number.value();
+                self.check_threads_per_inch(&word, lead_mm);
                 (word, lead_mm)
             }
             (Some(word), None) | (None, Some(word)) => (word, word.number.value() * inch),
@@ -187,6 +191,20 @@ impl Execution<'_> {
         self.state.thread.lead_as_written = feed.map(|word| word.number.value());
         self.state.reported.lead = lead_mm.is_none();
         lead_mm
+    }
+
+    /// Warns of a number of threads per inch so small that it may be meant as the lead, in mm.
+    fn check_threads_per_inch(&mut self, word: &Word, lead_mm: f64) {
+        let per_inch = word.number.value();
+        if per_inch >= FEW_THREADS_PER_INCH || !LEADS_MM.contains(&lead_mm) {
+            return;
+        }
+        let span = self.block.word_span(word);
+        self.findings.push_with(code::THREAD_FEW_PER_INCH, |code| {
+            Finding::new(code, span, format!("E{per_inch} is read as threads per inch: the lead is {lead_mm} mm"))
+                .with_value("lead", lead_mm, "mm")
+                .suggest(format!("where {per_inch} is the lead, write it as F{per_inch:?}, or set thread_e_word of the profile's language to THREAD_E_WORD_PRECISE_LEAD"))
+        });
     }
 
     fn modal_lead(&mut self) -> Option<f64> {

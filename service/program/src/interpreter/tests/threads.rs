@@ -112,6 +112,11 @@ fn numbers_without_a_decimal_point() {
 fn threads_per_inch() {
     check(&lathe(), "M3 S100\nG32 Z-10. E8", "spindle cw 100\nthread 0 -> Z-10 @3.175");
     check(&lathe(), "G20 M3 S100\nG32 Z-1. E8", "spindle cw 100\nthread 0 -> Z-25.4 @3.175");
+    check(
+        &lathe(),
+        "M3 S100\nG32 Z-10. E1.5",
+        "spindle cw 100\nthread 0 -> Z-10 @16.933333\nw 2:11+4 PRG-THREAD-PER-INCH",
+    );
     let settings = LanguageSettings { thread_e_word: ThreadEWord::PreciseLead, ..lathe() };
     check(&settings, "M3 S100\nG32 Z-10. E1.41111", "spindle cw 100\nthread 0 -> Z-10 @1.41111");
     check(&settings, "G20 M3 S100\nG32 Z-1. E.0625", "spindle cw 100\nthread 0 -> Z-25.4 @1.5875");
