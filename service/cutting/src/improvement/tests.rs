@@ -118,16 +118,15 @@ impl RandomCut {
     }
 
     /// The frequencies within the bounds that are documented: a quarter or 0.6 vibrations of a revolution around the programmed
-    /// one, what the machine permits, and eight samples of a vibration.
+    /// one, or around the highest that the machine and eight samples of a vibration permit where that is lower.
     fn frequencies_hz(&self, config: &PipelineConfig) -> impl Iterator<Item = f64> + use<> {
-        let around_hz = (0.25 * self.frequency_hz).max(0.6 * self.rev_per_min / 60.0);
         let sampled_hz = 1e6 / (8.0 * f64::from(config.interpolation_period_us));
-        let low_hz = (self.frequency_hz - around_hz).max(0.1);
-        let high_hz = (self.frequency_hz + around_hz).min(config.profile.vibration.max_frequency_hz).min(sampled_hz);
-        // None where the programmed one is too fast for its sampling by more than it may change.
-        (0..=2_000)
-            .filter(move |_| low_hz <= high_hz)
-            .map(move |at| low_hz + (high_hz - low_hz) * f64::from(at) / 2_000.0)
+        let highest_hz = config.profile.vibration.max_frequency_hz.min(sampled_hz);
+        let nearest_hz = self.frequency_hz.min(highest_hz);
+        let around_hz = (0.25 * nearest_hz).max(0.6 * self.rev_per_min / 60.0);
+        let low_hz = (nearest_hz - around_hz).max(0.1);
+        let high_hz = (nearest_hz + around_hz).min(highest_hz);
+        (0..=2_000).map(move |at| low_hz + (high_hz - low_hz) * f64::from(at) / 2_000.0)
     }
 
     /// The least amplitude of 2 001 frequencies that leaves every axis a tenth of its limits with the blend as it is, and 1 % for the
@@ -338,6 +337,20 @@ fn a_section_whose_own_change_is_taken_back_is_not_left_worse_by_a_speed() {
     let [before, after] = [broken(&improvement.before), broken(&improvement.after)];
     assert_eq!(before, [true, false]);
     assert!(after[0], "{}", text(&improvement));
+}
+
+#[test]
+fn a_frequency_far_beyond_eight_samples_comes_down_to_them() {
+    // Eight periods of 2 ms are 62.5 Hz.
+    for frequency in ["70", "100", "200", "249"] {
+        let program = turning(&format!("F{frequency} A0.061"), 3_000.0, "F0.006", 3.0);
+        let improvement = improved(&program, &lathe(), &goals());
+        assert!(improvement.holds(), "{frequency}: {:?}", improvement.steps);
+        let line = text(&improvement).lines().nth(2).expect("the vibration").to_owned();
+        let hertz: f64 = line.trim_start_matches("G200 F").split(' ').next().unwrap().parse().unwrap();
+        assert!(hertz > 30.0 && hertz <= 62.5, "{frequency}: {line}");
+        is_consistent(&program, &lathe(), &improvement);
+    }
 }
 
 #[test]

@@ -71,10 +71,12 @@ impl VibrationSearch {
         let Some(first) = sections.first().filter(|_| !cuts.is_empty()) else { return Err(Unsearchable::NoCut) };
         let programmed_hz = first.condition.frequency_hz;
         let fastest = cuts.iter().map(|cut| cut.spindle_rev_per_min).fold(0.0, f64::max);
-        let around = (FREQUENCY_SHARE * programmed_hz).max(FREQUENCY_VIBRATIONS * fastest / 60.0);
-        let [low_hz, high_hz] = goals.frequency_hz.unwrap_or([programmed_hz - around, programmed_hz + around]);
         let sampled_hz = sections.iter().map(|section| 1.0 / (LEAST_SAMPLES * section.sampling.period_s));
         let highest_hz = sampled_hz.fold(settings.max_frequency_hz, f64::min);
+        // One that is too high comes down to what there can be.
+        let nearest_hz = programmed_hz.min(highest_hz);
+        let around = (FREQUENCY_SHARE * nearest_hz).max(FREQUENCY_VIBRATIONS * fastest / 60.0);
+        let [low_hz, high_hz] = goals.frequency_hz.unwrap_or([nearest_hz - around, nearest_hz + around]);
         let frequency_hz = [low_hz.max(MIN_FREQUENCY_HZ), high_hz.min(highest_hz)];
         if frequency_hz[0] > frequency_hz[1] {
             return Err(Unsearchable::NoFrequency);
