@@ -345,6 +345,44 @@ impl Execution<'_> {
         }
     }
 
+    /// The offsets of a tool with which the present position reads the given values in a system (`G10 L10` in the one in force, `L11` in
+    /// G59.3), or the values themselves (`L1`). In a turned system the offset is turned as well, whose other part along the system's
+    /// axes stays.
+    fn measure_tool(&self, row: &mut ToolOffset, axes: &[(Axis, bool, f64)], kind: u32, frame: &WorkOffset) {
+        let rotation = Rotation::new(Plane::Xy, [0.0; 2], frame.rotation_deg);
+        let turned = |mut place: Position, back: bool| {
+            [place[0], place[1]] = rotation.turn([place[0], place[1]], back);
+            place
+        };
+        let turns = kind != 1 && frame.rotation_deg != 0.0 && axes.iter().any(|(axis, _, _)| axis.index() < 2);
+        let here: Position = match kind {
+            10 => {
+                let tool = if turns { turned(self.state.length.offset, true) } else { self.state.length.offset };
+                core::array::from_fn(|axis| self.state.position[axis] + tool[axis])
+            }
+            _ => {
+                let machine = self.machine_position();
+                let arm = core::array::from_fn(|axis| machine[axis] - frame.offset[axis]);
+                if turns { turned(arm, true) } else { arm }
+            }
+        };
+        let total = row.total().unwrap_or_default();
+        let mut offset = if turns { turned(total, true) } else { total };
+        for (axis, _, value) in axes {
+            let axis = axis.index();
+            offset[axis] = if kind == 1 { *value } else { here[axis] - value };
+        }
+        if turns {
+            offset = turned(offset, false);
+        }
+        for axis in Axis::ALL {
+            if turns && axis.index() < 2 || axes.iter().any(|(named, _, _)| *named == axis) {
+                row.geometry.get_or_insert_default()[axis.index()] = offset[axis.index()];
+                row.wear[axis.index()] = 0.0;
+            }
+        }
+    }
+
     /// `G10 L1`, `L10` and `L11` of LinuxCNC: the table only, what is in force stays.
     fn set_linuxcnc_tool(&mut self, kind: u32, span: SourceSpan) {
         let Some(number) = self.data_number(span, 1, u32::MAX, "tool") else { return };
@@ -361,25 +399,7 @@ impl Execution<'_> {
             },
             _ => self.state.coords.offset_of(self.state.coords.system, settings),
         };
-        if kind != 1 && frame.rotation_deg != 0.0 && axes.iter().any(|(axis, _, _)| axis.index() < 2) {
-            let message = "a tool offset along X or Y from a rotated work coordinate system";
-            let cure = match kind {
-                11 => "clear the rotation of G59.3 before, with G10 L2 P9 R0",
-                _ => "select a system without rotation first",
-            };
-            return self.coord(code::COORD_BLOCK, span, message, cure);
-        }
-        let machine = self.machine_position();
-        for (axis, _, value) in axes {
-            let place = axis.index();
-            let offset = match kind {
-                1 => value,
-                10 => self.state.position[place] + self.state.length.offset[place] - value,
-                _ => machine[place] - frame.offset[place] - value,
-            };
-            row.geometry.get_or_insert_default()[place] = offset;
-            row.wear[place] = 0.0;
-        }
+        self.measure_tool(&mut row, &axes, kind, &frame);
         let [radius, front, back, orientation] = words;
         if let Some(word) = radius {
             row.radius_mm = Some(self.scaled(&word, true));

@@ -53,6 +53,29 @@ fn g43_of_linuxcnc_is_that_of_the_tool_along_all_axes() {
 }
 
 #[test]
+fn a_tool_is_measured_in_a_turned_system() {
+    let tool = |number: u32, x: f64, z: f64| {
+        let mut tool = ToolOffset::new(number).with_length(z);
+        tool.geometry.as_mut().expect("a length")[0] = x;
+        tool
+    };
+    let tools = [tool(1, 2.0, 100.0), tool(3, 10.0, 40.0)];
+    let (sine, cosine) = (0.5, 3.0_f64.sqrt() / 2.0);
+    // As LinuxCNC 2.9 does it. The tip of T1 is 12, -1 from the origin of G59.3, which is turned by 30 degrees; along the axes of
+    // that, T3 is 10·cos 30°, -5 before.
+    let here = [12.0 * cosine - sine, -12.0 * sine - cosine];
+    for (words, [x, y]) in [
+        ("X5", [here[0] - 5.0, -5.0]),
+        ("Y6", [10.0 * cosine, here[1] - 6.0]),
+        ("X5 Y6", [here[0] - 5.0, here[1] - 6.0]),
+    ] {
+        let program = format!("G10 L2 P9 X10 Y4 Z5 R30\nG54 G43 H1\nG0 X20 Y3 Z10\nG10 L11 P3 {words}\nG43 H3\nG0 X0 Y0 Z0");
+        let measured = [x * cosine - y * sine, x * sine + y * cosine, 40.0];
+        ends_with(&linuxcnc(), &tools, &program, &[[22.0, 3.0, 110.0], measured]);
+    }
+}
+
+#[test]
 fn g43_without_h() {
     finds(&mill(), "T1 M6\nG43 G0 Z10", &["2:PRG-LENGTH-NUMBER"]);
     let mut settings = haas();
