@@ -69,7 +69,8 @@ fn a_tool_is_measured_in_a_turned_system() {
         ("Y6", [10.0 * cosine, here[1] - 6.0]),
         ("X5 Y6", [here[0] - 5.0, here[1] - 6.0]),
     ] {
-        let program = format!("G10 L2 P9 X10 Y4 Z5 R30\nG54 G43 H1\nG0 X20 Y3 Z10\nG10 L11 P3 {words}\nG43 H3\nG0 X0 Y0 Z0");
+        let program =
+            format!("G10 L2 P9 X10 Y4 Z5 R30\nG54 G43 H1\nG0 X20 Y3 Z10\nG10 L11 P3 {words}\nG43 H3\nG0 X0 Y0 Z0");
         let measured = [x * cosine - y * sine, x * sine + y * cosine, 40.0];
         ends_with(&linuxcnc(), &tools, &program, &[[22.0, 3.0, 110.0], measured]);
     }
