@@ -43,6 +43,27 @@ fn at_place(program: &str, number: usize) -> Pipeline {
     pipeline
 }
 
+/// Whether the first section of a program with the vibration of [`TURNED`] may be cut at a ratio of the speed.
+fn judge_cuts(cuts: &str, ratio: f64) -> Result<(), String> {
+    let program = format!("G21 G97 S1000 M3\nG0 X6. Z2.\nG200 F41.66666667 A0.03\n{cuts}\nG201\nG0 X10.\nM30\n");
+    judge(&at_place(&program, 0), &program, ratio)
+}
+
+#[test]
+fn a_cut_that_never_breaks_hides_none_that_breaks_at_the_programmed_speed_only() {
+    let unbroken = Err("VIB-CHIP-UNBROKEN".to_owned());
+    // At 1.2 times the speed 2.08 vibrations of a revolution let 0.016 mm through.
+    for cuts in
+        ["G1 Z-2. F0.05", "G1 Z-2. F0.05\nG1 Z-3. F0.2", "G1 Z1. F0.2\nG1 Z-3. F0.05", "G1 Z-8. F0.05\nG1 Z-8.4 F0.2"]
+    {
+        assert_eq!(judge_cuts(cuts, 1.2), unbroken, "{cuts}");
+        // What breaks there still breaks.
+        assert_eq!(judge_cuts(cuts, 1.01), Ok(()), "{cuts}");
+    }
+    // What breaks at no speed is no condition that could be lost.
+    assert_eq!(judge_cuts("G1 Z-3. F0.2", 1.2), Ok(()));
+}
+
 fn judge(pipeline: &Pipeline, program: &str, ratio: f64) -> Result<(), String> {
     let mut trial = SpindleTrial::new(pipeline, ratio).expect("at a place");
     loop {

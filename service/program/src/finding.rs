@@ -183,6 +183,24 @@ impl Finding {
         }
     }
 
+    /// Whether another finding says it too, and no less: of one code, line and thing, with no smaller excess ([`Finding::ranked`]) and
+    /// no fewer occurrences.
+    #[must_use]
+    pub fn is_within(&self, other: &Self) -> bool {
+        // Two ways to compute the same excess may differ by rounding.
+        const ROUNDING: f64 = 1e-9;
+        let is_no_worse = match (&self.rank, &other.rank) {
+            (Some(one), Some(other)) => {
+                one.about == other.about && one.excess <= other.excess + ROUNDING * other.excess.abs().max(1.0)
+            }
+            (None, None) => true,
+            _ => false,
+        };
+        (self.code, self.span.line) == (other.code, other.span.line)
+            && self.occurrences <= other.occurrences
+            && is_no_worse
+    }
+
     /// Whether it is the same occurrence, whatever was counted since.
     fn is_same_occurrence(&self, other: &Self) -> bool {
         (self.code, self.severity, self.span) == (other.code, other.severity, other.span)

@@ -1,12 +1,13 @@
 //! Whether what follows a place between sections may be cut at another spindle speed: it is run as a validation would, up to the
 //! next such place, and what is found then is compared with what is found at the programmed speed.
 
-use feedwave_program::{Finding, FindingLog, Place, Severity, SourceSpan};
+use feedwave_program::{Finding, FindingCode, FindingLog, Place, Severity, SourceSpan};
 
 use crate::code;
 use crate::frame::builder::Analysis;
 use crate::frame::config::OverrideChange;
 use crate::frame::pipeline::{Pipeline, Step};
+use crate::functions::path_vibration::SectionReport;
 use crate::shared::setpoint::SetpointBlock;
 
 /// What became of a step of a [`SpindleTrial`].
@@ -32,7 +33,15 @@ pub struct SpindleTrial {
     /// The same at the programmed speed; asked only where the other speed brings warnings.
     programmed: Option<Run>,
     /// What was found at the other speed.
-    found: Option<Vec<Finding>>,
+    found: Option<Judged>,
+}
+
+/// What a run has found.
+#[derive(Debug, Default)]
+struct Judged {
+    findings: Vec<Finding>,
+    /// Of vibrating sections, in their order.
+    sections: Vec<SectionReport>,
 }
 
 #[derive(Debug)]
@@ -55,20 +64,22 @@ impl Run {
     }
 
     /// Goes on by a block; what was found, at the end.
-    fn step(&mut self) -> Result<Vec<Finding>, Option<Place>> {
+    fn step(&mut self) -> Result<Judged, Option<Place>> {
         match self.pipeline.next_block(&mut self.block) {
             Step::NeedInput(place) => return Err(Some(place)),
             Step::Block if self.pipeline.place_between().is_none() => return Err(None),
             Step::Block | Step::Finished | Step::Refused => {}
         }
         let Pipeline { builder, findings, config, spindle, .. } = &mut self.pipeline;
+        let mut sections = Vec::new();
         if let Some(analysis) = &mut builder.analysis {
             analysis.functions.vibration.finish_waiting(findings);
+            sections = std::mem::take(&mut analysis.functions.vibration.sections.first);
         }
         builder.close_thread(config, findings);
-        let mut found = std::mem::take(findings).into_findings();
-        found.extend(spindle.above_clamp_line.map(above_clamp));
-        Ok(found)
+        let mut findings = std::mem::take(findings).into_findings();
+        findings.extend(spindle.above_clamp_line.map(above_clamp));
+        Ok(Judged { findings, sections })
     }
 }
 
@@ -77,6 +88,28 @@ fn above_clamp(line: u32) -> Finding {
     let message =
         "a faster spindle would exceed the highest speed that the program permits under constant surface speed";
     Finding::new(code::SPINDLE_SPEED, span, message).suggest("permit a higher speed in the program")
+}
+
+/// Warnings that limits of the axes are exceeded, which may not be by more than at the programmed speed. The steps of a held
+/// oscillation and of the published form are what was chosen.
+const LIMITS: [FindingCode; 1] = [code::THREAD_VIBRATION_STEP];
+
+impl Judged {
+    /// The first warning about what holds in another run and does not hold here. That a chip does not break is said once of a
+    /// section: a cut whose chip breaks there counts, whatever others of its section do.
+    fn lost_against(&self, known: &Self) -> Option<&Finding> {
+        if self.sections.iter().zip(&known.sections).any(|(here, there)| here.loses_chips_of(there))
+            && let Some(finding) = self.findings.iter().find(|finding| finding.code == code::VIB_CHIP_UNBROKEN)
+        {
+            return Some(finding);
+        }
+        let is_known = |finding: &Finding| {
+            let is_limit = LIMITS.contains(&finding.code);
+            let is_same = |other: &Finding| (other.code, other.span.line) == (finding.code, finding.span.line);
+            known.findings.iter().any(|other| if is_limit { finding.is_within(other) } else { is_same(other) })
+        };
+        self.findings.iter().find(|finding| !is_known(finding))
+    }
 }
 
 impl SpindleTrial {
@@ -100,29 +133,23 @@ impl SpindleTrial {
         match self.programmed.as_mut().map(Run::step) {
             Some(Err(Some(place))) => TrialStep::NeedInput(place),
             Some(Err(None)) => TrialStep::More,
-            Some(Ok(known)) => {
-                let is_new = |finding: &&Finding| {
-                    !known.iter().any(|other| other.code == finding.code && other.span.line == finding.span.line)
-                };
-                found
-                    .iter()
-                    .find(is_new)
-                    .map_or(TrialStep::Holds, |finding| TrialStep::Fails(Box::new(finding.clone())))
-            }
+            Some(Ok(known)) => found
+                .lost_against(&known)
+                .map_or(TrialStep::Holds, |finding| TrialStep::Fails(Box::new(finding.clone()))),
             None => TrialStep::Holds,
         }
     }
 
     /// Errors decide; warnings are compared with those at the programmed speed.
-    fn judge(&mut self, found: Vec<Finding>) -> TrialStep {
-        if let Some(error) = found.iter().find(|finding| finding.severity == Severity::Error) {
+    fn judge(&mut self, mut found: Judged) -> TrialStep {
+        if let Some(error) = found.findings.iter().find(|finding| finding.severity == Severity::Error) {
             return TrialStep::Fails(Box::new(error.clone()));
         }
-        let warnings: Vec<Finding> = found.into_iter().filter(|it| it.severity == Severity::Warning).collect();
-        if warnings.is_empty() || self.programmed.is_none() {
+        found.findings.retain(|finding| finding.severity == Severity::Warning);
+        if found.findings.is_empty() || self.programmed.is_none() {
             return TrialStep::Holds;
         }
-        self.found = Some(warnings);
+        self.found = Some(found);
         TrialStep::More
     }
 

@@ -124,6 +124,23 @@ pub struct BlendReport {
 }
 
 impl SectionReport {
+    /// Whether a cut whose chip breaks in another report of the same path does not break it here.
+    pub(crate) fn loses_chips_of(&self, other: &Self) -> bool {
+        const ROUNDING: f64 = 1e-9;
+        let is_listed = self.chip_spans_not_listed == 0 && other.chip_spans_not_listed == 0;
+        let is_constant = self.surface_speed.is_none() && other.surface_speed.is_none();
+        if !(is_listed && is_constant) && self.broken_share < other.broken_share.map(|share| share - ROUNDING) {
+            return true;
+        }
+        let ends_mm = |span: &ChipSpan| [span.start_mm, span.start_mm + span.length_mm];
+        let overlaps = |one: &ChipSpan, other: &ChipSpan| {
+            let [[a, b], [c, d]] = [ends_mm(one), ends_mm(other)];
+            a.max(c) + ROUNDING < b.min(d)
+        };
+        let mut unbroken = self.chip_spans.iter().filter(|span| !span.broken);
+        unbroken.any(|here| other.chip_spans.iter().any(|there| there.broken && overlaps(here, there)))
+    }
+
     /// Share of the amplitude that the blends let through to the chip of these cuts at a feed override, over a whole vibration in the
     /// middle of the longest part: with less than 1, a steady vibration of that share breaks what this one breaks. 1 as published.
     #[must_use]
