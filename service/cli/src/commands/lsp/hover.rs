@@ -237,12 +237,19 @@ impl Place {
     }
 }
 
+/// A run of a line that is over.
+struct Run {
+    /// What is in force behind it.
+    state: State,
+    /// The line that is carried out behind it, if it is of the same program.
+    next: Option<u32>,
+}
+
 /// What is in force next to a line without actions, by the lines around it that have some.
 #[derive(Default)]
 struct Neighbours {
-    /// The nearest line before it, what is in force behind its first run, and the line that is carried out behind that, if it is of this
-    /// program; no state while that run lasts.
-    before: Option<(u32, Option<(State, Option<u32>)>)>,
+    /// The nearest line before it, and its first run; `None` while that lasts.
+    before: Option<(u32, Option<Run>)>,
     /// The nearest line behind it, and what is in force before its first run.
     behind: Option<(u32, State)>,
     /// The line behind it was run before any other.
@@ -255,7 +262,7 @@ impl Neighbours {
         if let Some((line, run @ None)) = &mut self.before
             && own != Some(*line)
         {
-            *run = Some((state.clone(), own));
+            *run = Some(Run { state: state.clone(), next: own });
         }
         let Some(own) = own.filter(|own| (place.within[0]..=place.within[1]).contains(own)) else { return };
         if let Some((line, run @ Some(_))) = &mut self.before
@@ -279,13 +286,11 @@ impl Neighbours {
     /// over both or called another one.
     fn state(self, end: State) -> State {
         let Self { before, behind, is_behind_first } = self;
-        let before = before.map(|(_, run)| run.unwrap_or_else(|| (end.clone(), None)));
+        let before = before.map(|(_, run)| run.unwrap_or_else(|| Run { state: end.clone(), next: None }));
         match (before, behind) {
-            (Some((state, _)), None) => state,
-            (Some((state, next)), Some((nearest, _)))
-                if !is_behind_first && next.is_some_and(|next| next <= nearest) =>
-            {
-                state
+            (Some(run), None) => run.state,
+            (Some(run), Some((nearest, _))) if !is_behind_first && run.next.is_some_and(|next| next <= nearest) => {
+                run.state
             }
             (_, Some((_, state))) => state,
             (None, None) => end,

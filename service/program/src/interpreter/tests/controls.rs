@@ -49,7 +49,7 @@ fn g87_of_haas_controls_is_retracted_by_hand() {
     );
     assert!(!render(boring, &mill()).contains("PRG-CYCLE-UNDEFINED"));
     for code in ["G77", "G47"] {
-        assert!(render(&format!("{code} Z-2 R-20 Q1"), &haas(mill())).contains("PRG-UNSUPPORTED-CODE"), "{code}");
+        assert!(render(format!("{code} Z-2 R-20 Q1"), &haas(mill())).contains("PRG-UNSUPPORTED-CODE"), "{code}");
     }
 }
 
@@ -122,7 +122,7 @@ fn haas_controls_tap_with_the_spindle_and_start_it_themselves() {
 fn the_path_control_that_a_program_reads_is_the_last_that_it_has_named() {
     let notes = |line: usize, column: usize| format!("i {line}:{column}+3 PRG-PATH-REQUEST");
     for (code, number) in [("G61", 61), ("G62", 62), ("G63", 63), ("G64", 64)] {
-        let found = render(&format!("G64\nG61\n{code}\nG0 X#4015\nM30\n"), &mill());
+        let found = render(format!("G64\nG61\n{code}\nG0 X#4015\nM30\n"), &mill());
         assert!(found.contains(&format!("rapid 0 -> X{number}")), "{found}");
         assert_eq!(found.contains(&notes(3, 1)), matches!(number, 62 | 63), "{found}");
     }
@@ -136,7 +136,7 @@ fn what_ends_something_that_is_not_carried_out_is_no_code_of_its_block() {
     check(&mill(), "G0 G40 G49 G80 G69 G15 G50 G23 G13.1 X2.", "rapid 0 -> X2");
     for (settings, code) in [(lathe(), "G68"), (lathe(), "G51.2"), (lathe(), "G22"), (mill(), "G12.1"), (mill(), "G60")]
     {
-        let found = render(&format!("{code} X1.\nM30\n"), &settings);
+        let found = render(format!("{code} X1.\nM30\n"), &settings);
         assert!(found.contains("PRG-UNSUPPORTED-CODE") && !found.contains("PRG-UNKNOWN"), "{code}: {found}");
     }
 }
