@@ -268,6 +268,14 @@ impl ThreadPath {
         self.rest_deg
     }
 
+    /// Angle from which on something moves with the spindle, degrees: the start of the lead, or of the vibration where that comes
+    /// before.
+    pub(crate) fn first_motion_deg(&self) -> f64 {
+        let vibrates = self.outwards != 0.0 && self.wave.amplitude_mm != 0.0;
+        let wave_deg = if vibrates { self.wave.start_deg(self.start_up) } else { f64::INFINITY };
+        self.lead_start_deg().min(wave_deg)
+    }
+
     /// Highest speed of the spindle at which X and Z keep their limits between two angles, rev/s; infinite where nothing moves.
     ///
     /// At `u` rev/s a slope of `m` mm per degree is 360·m·u mm/s, a change of slope by `c` over the angle `L` takes at most

@@ -92,15 +92,17 @@ impl SpindleWatch {
     pub fn observe(&mut self, path: &ThreadPath, angle_deg: f64, time_s: Option<f64>) -> Option<SpindleEvent> {
         let furthest_deg = self.furthest_deg.map_or(angle_deg, |furthest_deg| furthest_deg.max(angle_deg));
         self.furthest_deg = Some(furthest_deg);
-        if furthest_deg < path.lead_start_deg() || furthest_deg >= path.rest_deg() {
+        if furthest_deg < path.first_motion_deg() || furthest_deg >= path.rest_deg() {
             self.told = Condition::Regular;
             return None;
         }
+        // Before the lead there is no groove yet that a spindle could turn back in: only the speed counts.
+        let on_lead = furthest_deg >= path.lead_start_deg();
         let stopped = time_s.is_some_and(|time_s| self.turn(path, Reading { angle_deg, time_s }));
         let back_deg = furthest_deg - angle_deg;
-        let (condition, event) = if back_deg > REVERSAL_DEG {
+        let (condition, event) = if on_lead && back_deg > REVERSAL_DEG {
             (Condition::Reversed, SpindleEvent::Reversed { back_deg })
-        } else if stopped {
+        } else if on_lead && stopped {
             (Condition::Stopped, SpindleEvent::Stopped)
         } else if let Some((rev_per_min, limit_rev_per_min)) = self.too_fast {
             (Condition::TooFast, SpindleEvent::TooFast { rev_per_min, limit_rev_per_min })

@@ -280,3 +280,29 @@ fn a_spindle_that_shakes_is_none_that_turns_back() {
     assert_eq!(watch.observe(&path, path.rest_deg() + 1.0, None), None);
     assert_eq!(watch.observe(&path, 0.0, None), None);
 }
+
+#[test]
+fn a_spindle_is_too_fast_for_a_vibration_before_the_lead_as_well() {
+    let machine = feedwave_motion::Machine::lathe();
+    let late = ThreadPass { depth_mm: 0.5, amplitude_mm: 0.6, start_angle_deg: 300.0, ..ThreadPass::default() };
+    let job = job(vec![late]);
+    let path = ThreadPath::of_pass(&job, &job.passes[0]);
+    let limits = [feedwave_program::Axis::X, feedwave_program::Axis::Z].map(|axis| pass::axis_limits(&machine, axis));
+    let fastest = path.fastest_rev_per_s([20.0, 280.0], limits);
+    assert!(path.lead_start_deg() >= 300.0 && fastest < 20.0, "{fastest}");
+    for (share, is_told) in [(0.9, false), (1.5, true)] {
+        let mut watch = SpindleWatch::new(&machine);
+        let told: Vec<_> = (-30..290)
+            .filter_map(|deg| {
+                let angle_deg = f64::from(deg);
+                watch.observe(&path, angle_deg, Some(angle_deg / 360.0 / (share * fastest)))
+            })
+            .collect();
+        let is_too_fast = matches!(told.as_slice(), [SpindleEvent::TooFast { .. }]);
+        assert_eq!((is_too_fast, told.is_empty()), (is_told, !is_told), "{told:?}");
+    }
+    // It may stop there, and turn back: there is no groove yet.
+    let mut watch = SpindleWatch::new(&machine);
+    assert!((0..200).all(|k| watch.observe(&path, 100.0, Some(0.01 * f64::from(k))).is_none()));
+    assert_eq!(watch.observe(&path, 50.0, Some(3.0)), None);
+}
