@@ -143,11 +143,21 @@ impl Execution<'_> {
             return;
         }
         let block = self.block;
-        for word in [b'C', b'R', b'A'].into_iter().filter_map(|letter| block.comma_word(letter)) {
-            self.findings.push_with(code::CORNER, |code| {
-                Finding::new(code, block.word_span(word), "a word with a comma belongs to a move with G1, G2 or G3")
-                    .suggest("write it in the block of the move before the corner")
-            });
+        let is_guided = !self.state.tool_control.is_plain();
+        for letter in [b'C', b'R', b'A'] {
+            let Some(word) = block.comma_word(letter) else { continue };
+            let (message, cure) = match letter {
+                b'A' if is_guided => (
+                    "the angle of a line is not carried out in a tilted plane, under tool centre point control, or behind them",
+                    "write where the line ends in place of its angle",
+                ),
+                _ => (
+                    "a word with a comma belongs to a move with G1, G2 or G3",
+                    "write it in the block of the move before the corner",
+                ),
+            };
+            let span = block.word_span(word);
+            self.findings.push_with(code::CORNER, |code| Finding::new(code, span, message).suggest(cure));
         }
     }
 }

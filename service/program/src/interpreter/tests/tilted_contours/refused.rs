@@ -187,4 +187,11 @@ fn a_corner_in_a_plane_starts_from_a_known_place() {
     // A length behind it, and words that belong to no cut.
     assert_eq!(errors("G68.2 J30.\nG53.1\nG0 X0 Y0 Z0\nG1 X10. ,R2. F300\nG43 H1 Y20.\nM30\n"), [(4, "PRG-CORNER")]);
     assert_eq!(errors("G68.2 J30.\nG53.1\nG0 X0 Y0 Z0\nG0 X10. ,R2.\nY20.\nM30\n"), [(4, "PRG-CORNER")]);
+    // The angle of a line has a cure of its own.
+    let (_, found) = read(&mill(), "G68.2 J30.\nG53.1\nG0 X0 Y0 Z0\nG1 X10. ,A30. F300\nM30\n");
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert!(
+        found[0].message.starts_with("the angle of a line")
+            && found[0].suggestions[0].message.contains("in place of its angle")
+    );
 }
