@@ -163,8 +163,10 @@ const LATHE_G_CODES: &[Code] = &[
 ];
 
 /// What Haas lathes have in the place of codes of FANUC's systems.
-const HAAS_LATHE_G_CODES: &[Code] =
-    &[code(950, Group::Motion, Meaning::Unsupported("rigid tapping with live tools on Haas lathes"))];
+const HAAS_LATHE_G_CODES: &[Code] = &[
+    code(50, Group::Motion, Meaning::Unsupported("fine spindle control on Haas lathes")),
+    code(950, Group::Motion, Meaning::Unsupported("rigid tapping with live tools on Haas lathes")),
+];
 
 /// The G codes of a control that is one of Haas, which come behind all others.
 pub(super) fn haas_codes(settings: &LanguageSettings) -> &'static [Code] {

@@ -6,7 +6,7 @@ use crate::block::Word;
 use crate::code;
 use crate::dialect::{FeedUnit, letter_bit};
 use crate::state::ToolMode;
-use crate::{ArcGeometry, Axis, Finding, FindingCode, Position, SourceSpan};
+use crate::{ArcGeometry, Axis, DecimalPointRule, Finding, FindingCode, Position, SourceSpan};
 
 /// A chord below this, mm, is no chord: far below any program's resolution, far above rounding.
 const SHORTEST_CHORD_MM: f64 = 1e-7;
@@ -178,6 +178,7 @@ impl Execution<'_> {
             // Rounded up to what the program's decimals can say.
             let least = (half / unit * 10_000.0).ceil() / 10_000.0;
             let least = if radius < 0.0 { -least } else { least };
+            let counts_increments = self.settings.decimal_point == DecimalPointRule::LeastIncrement;
             return self.arc_error(code::ARC_RADIUS_TOO_SMALL, span, |finding| {
                 let mut finding = finding
                     .with_value("radius", radius, "mm")
@@ -189,7 +190,7 @@ impl Execution<'_> {
                     shown(chord.length),
                     shown(half)
                 );
-                let text = format!("R{least}");
+                let text = if counts_increments { format!("R{least:?}") } else { format!("R{least}") };
                 finding.suggest_value(format!("use {text} or more"), Some(text), "radius", least * unit, "mm")
             });
         }

@@ -75,6 +75,7 @@ impl Execution<'_> {
             self.planar_codes();
         }
         let Some((meaning, span)) = self.code(Group::NonModal) else { return };
+        self.check_one_use_of_axes(meaning);
         match meaning {
             Meaning::LocalShift => self.local_shift(span),
             Meaning::ShiftSet | Meaning::SpeedClamp => self.set_coordinates(span),
@@ -89,6 +90,25 @@ impl Execution<'_> {
             Meaning::ReferenceReturn => self.reference_return(span),
             Meaning::StoreReference { second } => self.store_reference(second, span),
             _ => {}
+        }
+    }
+
+    /// LinuxCNC refuses a motion code beside one that has the words of axes for itself.
+    fn check_one_use_of_axes(&mut self, meaning: Meaning) {
+        let has_axes_for_itself = matches!(
+            meaning,
+            Meaning::LocalShift
+                | Meaning::ShiftSet
+                | Meaning::DataSetting
+                | Meaning::Reference
+                | Meaning::FurtherReference
+        );
+        let Some((motion, span)) = self.code(Group::Motion).filter(|_| has_axes_for_itself) else { return };
+        if self.is_linuxcnc_dialect() && motion != Meaning::CycleEnd {
+            self.findings.push_with(code::WORD_CONFLICT, |code| {
+                Finding::new(code, span, "two codes of the block use the words of axes: LinuxCNC refuses it")
+                    .suggest("write the motion in a block of its own")
+            });
         }
     }
 

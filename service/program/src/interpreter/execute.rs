@@ -306,16 +306,21 @@ impl Execution<'_> {
                 self.state.parameters.changed();
             }
             if self.table.dialect.tool_word_changes {
-                // T0101 is tool 1 with offset 1; T1 and T01 are tool 1 without one.
+                // T0101 is tool 1 with offset 1; T1 and T01 are tool 1 without one, where no offset is known.
                 let same = self.settings.coordinates.two_digit_tools;
-                let (number, offset) = match word.number.integer_digits() {
-                    3.. => (tool / 100, tool % 100),
-                    _ => (tool, if same { tool } else { 0 }),
+                let is_short = word.number.integer_digits() < 3;
+                let (number, offset) = match (is_short, same) {
+                    (false, _) => (tool / 100, tool % 100),
+                    (true, true) => (tool, tool),
+                    (true, false) => (tool, 0),
                 };
-                self.check_compensated_tool(number, offset, self.block.word_span(&word));
+                let span = self.block.word_span(&word);
+                if is_short && !same && tool > 0 {
+                    self.check_short_tool_word(tool, span);
+                }
+                self.check_compensated_tool(number, offset, span);
                 self.state.tool = number;
                 self.state.compensation.number = Some(offset);
-                let span = self.block.word_span(&word);
                 self.emit(span, OperationKind::Tool { number, offset });
                 self.turning_offset(number, offset, span);
             } else {
@@ -407,6 +412,7 @@ impl Execution<'_> {
             };
             if thousandths { value / 1_000.0 } else { value }
         });
+        let is_linuxcnc = self.is_linuxcnc_dialect();
         match seconds {
             Some(seconds) if seconds >= 0.0 => self.dwell_for(span, DwellTime::Seconds(seconds)),
             Some(seconds) => self.findings.push_with(code::DWELL_TIME, |code| {
@@ -414,7 +420,8 @@ impl Execution<'_> {
                     .with_value("time", seconds, "s")
             }),
             None => self.findings.push_with(code::DWELL_TIME, |code| {
-                Finding::new(code, span, "the dwell has no time").suggest("add P or X")
+                let cure = if is_linuxcnc { "add P with the seconds" } else { "add P or X" };
+                Finding::new(code, span, "the dwell has no time").suggest(cure)
             }),
         }
     }

@@ -327,6 +327,7 @@ impl Interpreter {
     /// Goes on with what waits, once the bytes that it needs were read.
     pub(super) fn settle(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         let Some(pending) = self.state.flow.pending.take() else { return };
+        let mark = self.is_nested().then(|| findings.mark());
         match self.carry_out(&pending, findings) {
             Progress::Done => {
                 if let Some(saved) = self.state.machine.returning.take() {
@@ -339,7 +340,12 @@ impl Interpreter {
                 self.state.flow.pending = Some(pending);
                 self.begin_index(program);
             }
-            Progress::Failed => self.give_up(pending.span, operations, findings),
+            Progress::Failed => {
+                if let Some(mark) = mark {
+                    self.place_in_calls(mark, findings);
+                }
+                self.give_up(pending.span, operations, findings);
+            }
         }
     }
 

@@ -38,8 +38,11 @@ impl Execution<'_> {
         }
         let refusal = match () {
             () if turns => Some("rotary axes cannot move while probing"),
-            () if self.state.feed_unit == FeedUnit::InverseTime => {
+            () if self.state.feed_unit == FeedUnit::InverseTime && !self.is_linuxcnc_dialect() => {
                 Some("probing needs a feed per minute, not inverse time")
+            }
+            () if self.state.feed_unit == FeedUnit::PerRevolution && self.is_linuxcnc_dialect() => {
+                Some("probing needs a feed per minute, not per revolution")
             }
             () if end == self.state.position && !self.is_probe_without_alarm() => {
                 Some("the probing move has no travel")

@@ -3,7 +3,7 @@
 use super::execute::{Execution, LEAST_RATE};
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::{Finding, OperationKind, SourceSpan, Spindle, SpindleDirection};
+use crate::{DialectName, Finding, GCodeSystem, OperationKind, SourceSpan, Spindle, SpindleDirection};
 
 impl Execution<'_> {
     /// Carries out `S`, `G96`, `G97`, the clamp and `M3`, `M4`; emits the spindle if it changed.
@@ -102,13 +102,18 @@ impl Execution<'_> {
             }
             if self.state.max_rev_per_min.is_none() && !self.state.reported.speed_clamp {
                 self.state.reported.speed_clamp = true;
+                let such_as = match (self.settings.dialect, self.settings.g_code_system) {
+                    (DialectName::LinuxCnc, _) => "as D of G96, such as G96 D3000",
+                    (DialectName::Lathe, None | Some(GCodeSystem::A)) => "before it, such as G50 S3000",
+                    (DialectName::Lathe, _) | (DialectName::Mill, _) => "before it, such as G92 S3000",
+                };
                 self.findings.push_with(code::SPEED_CLAMP_MISSING, |code| {
                     Finding::new(
                         code,
                         span,
                         "constant surface speed without a clamp: the speed grows without limit towards X0",
                     )
-                    .suggest("program the highest speed before it, such as G50 S3000")
+                    .suggest(format!("program the highest speed {such_as}"))
                 });
             }
         } else {

@@ -49,17 +49,25 @@ impl Execution<'_> {
             }
         }
         self.check_spline_axes(axes)?;
+        let is_request = !cubic && !self.table.dialect.is_linuxcnc && self.block.word(b'Q').is_some();
         let departure = match (from_start, exit) {
             ([None, None], Some(exit)) if cubic => exit,
             ([None, None], _) => self.spline_error(code::SPLINE_POINT_MISSING, span, |mut finding| {
                 let code = if cubic { "the first G5 of a series" } else { "G5.1" };
                 finding.message =
                     format!("{code} has no {after_first} and {after_second}, from its start to its control point");
+                if is_request {
+                    finding.message.push_str(", and as a request for contour control it has words of axes");
+                    return finding.suggest("write the request, G5.1 with Q, in a block without axes");
+                }
                 finding.suggest(format!("add {after_first} and {after_second}"))
             })?,
-            ([None, Some(_)] | [Some(_), None], _) if cubic => {
+            ([None, Some(_)] | [Some(_), None], _) => {
                 self.spline_error(code::SPLINE_POINT_MISSING, span, |mut finding| {
-                    finding.message = format!("G5 takes both {after_first} and {after_second}, or neither");
+                    finding.message = match cubic {
+                        true => format!("G5 takes both {after_first} and {after_second}, or neither"),
+                        false => format!("G5.1 takes both {after_first} and {after_second}"),
+                    };
                     finding.suggest("write the missing one, 0 if it is meant")
                 })?
             }

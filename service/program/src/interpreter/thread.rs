@@ -92,11 +92,7 @@ impl Execution<'_> {
         let path_lead = self.take(b'K');
         let lead_mm = match path_lead {
             Some(_) if !self.is_linuxcnc_dialect() => None,
-            Some(word) if self.block.letters & (letter_bit(b'F') | letter_bit(b'E')) != 0 => {
-                self.used |= letter_bit(b'F') | letter_bit(b'E');
-                self.word_conflict(&word, "the thread has two leads: keep one of F, E and K");
-                None
-            }
+            _ if self.is_linuxcnc_dialect() && self.has_other_lead() => None,
             Some(word) => self.checked_lead(&word, self.scaled(&word, true)),
             None => self.lead(),
         };
@@ -134,6 +130,22 @@ impl Execution<'_> {
             self.cut_thread(end, cut);
         }
         self.state.position = end;
+    }
+
+    /// Whether a thread of LinuxCNC, whose lead is `K`, has an `F` or an `E`, which is reported.
+    fn has_other_lead(&mut self) -> bool {
+        let leads = letter_bit(b'F') | letter_bit(b'E');
+        let Some(word) = [b'F', b'E'].into_iter().find_map(|letter| self.block.word(letter)).copied() else {
+            return false;
+        };
+        self.used |= leads;
+        self.state.reported.lead = true;
+        let span = self.block.word_span(&word);
+        self.findings.push_with(code::WORD_CONFLICT, |code| {
+            let message = "G33 of LinuxCNC takes no F and no E: its lead is K, the travel per revolution along the path";
+            Finding::new(code, span, message).suggest("leave it out, and write the lead as K")
+        });
+        true
     }
 
     /// Refuses `K` of a thread of FANUC and Haas controls, where the lead is `F` along the axis of the larger travel and `K` its
@@ -213,10 +225,14 @@ impl Execution<'_> {
             let span = self.block.span();
             let feed = self.state.feed_as_written;
             let has_feed = self.state.feed > 0.0;
+            let is_linuxcnc = self.is_linuxcnc_dialect();
             self.findings.push_with(code::THREAD_LEAD_MISSING, |code| {
                 let message = "the thread has no lead";
                 let finding = Finding::new(code, span, message);
-                let finding = finding.suggest("add F with the travel per revolution, such as F1.5");
+                let finding = finding.suggest(match is_linuxcnc {
+                    true => "add K with the travel per revolution along the path, such as K1.5",
+                    false => "add F with the travel per revolution, such as F1.5",
+                });
                 if !has_feed {
                     return finding;
                 }
@@ -235,6 +251,10 @@ impl Execution<'_> {
         }
         let span = self.block.word_span(word);
         let written = word.number.value();
+        let cure = match self.is_linuxcnc_dialect() {
+            true => "write the travel per revolution, without a sign",
+            false => "write the travel per revolution as F, or the threads per inch as E where the machine reads it so",
+        };
         self.findings.push_with(code::THREAD_LEAD, |code| {
             let (least, most) = (*LEADS_MM.start(), *LEADS_MM.end());
             let message = format!("{written} makes no lead: it must be {least} to {most} mm per revolution");
@@ -242,9 +262,7 @@ impl Execution<'_> {
                 .with_value("written", written, "")
                 .with_value("min_lead", least, "mm")
                 .with_value("max_lead", most, "mm")
-                .suggest(
-                    "write the travel per revolution as F, or the threads per inch as E where the machine reads it so",
-                )
+                .suggest(cure)
         });
         None
     }

@@ -124,12 +124,19 @@ impl Execution<'_> {
             }
             home
         } else {
-            let mut machine = self.machine_position();
+            // In a turned system LinuxCNC goes along the turned axes that are named, to where these have the reference position.
+            let mut machine = *reference;
+            let present = self.machine_position();
             for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
                 let place = axis.index();
-                machine[place] = self.home_of(axis, reference[place], machine[place], span);
+                machine[place] = self.home_of(axis, reference[place], present[place], span);
             }
-            self.state.coords.programmed(&machine)
+            let reached = self.state.coords.programmed(&machine);
+            let mut home = self.state.position;
+            for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
+                home[axis.index()] = reached[axis.index()];
+            }
+            home
         };
         let held = self.state.tool_control.held;
         for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {

@@ -32,6 +32,27 @@ impl Execution<'_> {
         self.offset_changed(&before);
     }
 
+    /// Refuses a `T` word of a lathe with one or two digits where offsets are known: of four digits whose zeros are left out it is the
+    /// offset of that number, of two it is the tool.
+    pub(in super::super) fn check_short_tool_word(&mut self, tool: u32, span: SourceSpan) {
+        let none = Position::default();
+        let mut rows = self.tools.iter().chain(&self.state.coords.tables.tools);
+        if rows.all(|row| row.geometry.unwrap_or_default() == none && row.wear == none) {
+            return;
+        }
+        self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
+            let message = format!("T{tool} is T00{tool:02} (offset {tool}) on some controls, and tool {tool} on others");
+            Finding::new(code, span, message)
+                .with_value("number", f64::from(tool), "")
+                .suggest(format!(
+                    "write T{tool:02}{tool:02} for the tool with the offset of its number, T{tool:02}00 for the tool without one"
+                ))
+                .suggest(
+                    "where T names both by two digits, set language.coordinates.two_digit_tools of the machine profile to true",
+                )
+        });
+    }
+
     /// The row of tool offsets that the geometry of a lathe's tool is in, when a `T` word names that tool and an offset.
     pub(in super::super) const fn geometry_number(&self, tool: u32, number: u32) -> u32 {
         if self.settings.coordinates.geometry_by_tool && number != 0 { tool } else { number }

@@ -3,7 +3,7 @@
 use super::super::execute::Execution;
 use super::super::motion::Frame;
 use super::{Drive, Hole};
-use crate::dialect::letter_bit;
+use crate::dialect::{Group, letter_bit};
 use crate::state::Cycle;
 use crate::{
     DialectName, DrillingStyle, OperationKind, PeckReturn, Position, Spindle, SpindleDirection, SpindleSpeed,
@@ -124,6 +124,9 @@ impl Execution<'_> {
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         if axes == 0 || self.block.unclear {
             self.used |= letter_bit(b'K') | letter_bit(b'I');
+            if axes == 0 && !self.block.unclear && self.code(Group::Motion).is_some() {
+                self.cycle_word("G33.1 names no axis", "add the axis of the hole with its bottom");
+            }
             return;
         }
         let start = self.state.position;

@@ -117,6 +117,13 @@ impl Interpreter {
                     });
                     return false;
                 }
+                if self.table.dialect.is_linuxcnc && self.block.word(b'P').is_some() {
+                    findings.push_with(code::JUMP_TARGET, |code| {
+                        Finding::new(code, span, "M99 of LinuxCNC takes no P: it returns behind the call")
+                            .suggest("leave P out, or write the loop with O-words")
+                    });
+                    return false;
+                }
                 self.state.flow.has_decided |= self.block.word(b'P').is_some_and(|word| word.number.is_computed());
                 self.end_call(span, self.whole_word(b'P'));
                 true

@@ -267,7 +267,7 @@ impl Interpreter {
                 }
             }
             CallTarget::Program { number, label } => {
-                let start = self.find_program(*number, own)?;
+                let start = self.find_program(*number, own, pending, findings)?;
                 if start.is_none()
                     && (0..=self.programs.len() as u32).any(|file| self.reports_unread('O', *number, file, findings))
                 {
@@ -288,19 +288,65 @@ impl Interpreter {
         }
     }
 
-    /// The program of a number: in the file of the call, in a file named after it, in any other.
-    fn find_program(&self, number: u32, own: u32) -> Result<Option<Mark>, Progress> {
-        let named = (1..=self.programs.len() as u32).filter(|&file| self.is_file_of(file, &number.to_string()));
-        let count = self.programs.len() as u32 + 1;
-        for file in core::iter::once(own).chain(named.clone()).chain(0..count) {
-            let index = self.index(file).ok_or(Progress::NeedsIndex(file))?;
-            match index.program(number) {
-                Found::At(mark) | Found::Twice(mark, _) => return Ok(Some(mark)),
-                Found::Nowhere => {}
+    /// The program of a number: in the file of the call, in a file named after it, in any other, or a file that is the program by its
+    /// name alone. Where the first of these that has it has it twice, nothing says which is meant.
+    fn find_program(
+        &self,
+        number: u32,
+        own: u32,
+        pending: &Pending,
+        findings: &mut FindingLog,
+    ) -> Result<Option<Mark>, Progress> {
+        let name = number.to_string();
+        let is_named = |file: u32| file > 0 && self.is_file_of(file, &name);
+        let files = || (0..=self.programs.len() as u32).filter(|&file| file != own);
+        let ranks: [&mut dyn Iterator<Item = u32>; 3] = [
+            &mut core::iter::once(own),
+            &mut files().filter(|&file| is_named(file)),
+            &mut files().filter(|&file| !is_named(file)),
+        ];
+        for rank in ranks {
+            let mut known = None;
+            for file in rank {
+                let index = self.index(file).ok_or(Progress::NeedsIndex(file))?;
+                known = match (known, index.program(number)) {
+                    (known, Found::Nowhere) => known,
+                    (None, Found::At(mark)) => Some(mark),
+                    (None, Found::Twice(first, second)) | (Some(first), Found::At(second) | Found::Twice(second, _)) => {
+                        return Err(self.ambiguous_program(number, [first, second], pending, findings));
+                    }
+                };
+            }
+            if known.is_some() {
+                return Ok(known);
             }
         }
-        // A file that is the program by its name alone.
-        Ok(named.map(Mark::start_of).next())
+        let mut by_name = (1..=self.programs.len() as u32).filter(|&file| is_named(file)).map(Mark::start_of);
+        match (by_name.next(), by_name.next()) {
+            (Some(first), Some(second)) => Err(self.ambiguous_program(number, [first, second], pending, findings)),
+            (known, _) => Ok(known),
+        }
+    }
+
+    #[cold]
+    fn ambiguous_program(
+        &self,
+        number: u32,
+        places: [Mark; 2],
+        pending: &Pending,
+        findings: &mut FindingLog,
+    ) -> Progress {
+        self.no_target(pending, findings, |finding| {
+            let [first, second] =
+                places.map(|mark| format!("on line {} of {}", mark.line(), self.file_name(mark.place.program)));
+            let message = format!("O{number} is {first} and {second}: which is meant?");
+            (message, finding.suggest("give one of them another number, or leave it out"))
+        })
+    }
+
+    /// How a finding names a program file.
+    fn file_name(&self, program: u32) -> &str {
+        program.checked_sub(1).map_or("the program", |file| &self.programs[file as usize])
     }
 
     /// Whether a further file is named after a program: `O1000.nc`, `1000`, `rect.ngc`, in any folder and case.
@@ -311,12 +357,26 @@ impl Interpreter {
     fn find_sub(&self, name: &str, own: u32, pending: &Pending, findings: &mut FindingLog) -> Result<Mark, Progress> {
         let bare = name.trim_matches(['<', '>']);
         let named = (1..=self.programs.len() as u32).filter(|&file| self.is_file_of(file, bare));
+        let mut known: Option<Mark> = None;
         for file in core::iter::once(own).chain(core::iter::once(0)).chain(named) {
+            if known.is_some_and(|mark| mark.place.program == own || mark.place.program == 0) {
+                break;
+            }
             let index = self.index(file).ok_or(Progress::NeedsIndex(file))?;
             let mut subs =
                 index.controls.iter().filter(|control| control.what == Statement::Sub && &*control.name == name);
             match (subs.next(), subs.next()) {
-                (Some(first), None) => return Ok(first.behind),
+                (Some(first), None) => match known {
+                    None => known = Some(first.behind),
+                    Some(other) if other.place == first.behind.place => {}
+                    Some(other) => {
+                        return Err(self.no_target(pending, findings, |finding| {
+                            let [one, two] = [other, first.behind].map(|mark| self.file_name(mark.place.program));
+                            let message = format!("o{name} is defined in {one} and in {two}: which is meant?");
+                            (message, finding.suggest("leave one of both files out"))
+                        }));
+                    }
+                },
                 (Some(first), Some(second)) => {
                     return Err(self.no_target(pending, findings, |finding| {
                         let lines = (first.start.line(), second.start.line());
@@ -326,7 +386,7 @@ impl Interpreter {
                 (None, _) => {}
             }
         }
-        Err(self.missing(&format!("o{name} sub, nor a file {bare}.ngc of the job"), pending, findings))
+        known.ok_or_else(|| self.missing(&format!("o{name} sub, nor a file {bare}.ngc of the job"), pending, findings))
     }
 
     /// Reports the line and program numbers of a program that only look like such and may be meant as this one, which is nowhere

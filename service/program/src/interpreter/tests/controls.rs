@@ -40,6 +40,23 @@ fn g95_of_a_haas_lathe_taps() {
 }
 
 #[test]
+fn g5_of_a_haas_lathe_is_no_spline() {
+    for block in ["G5 C90. F10", "G05 R-10. F1.", "G5 X20 P1 Q1"] {
+        assert!(render(&format!("M3 S500\n{block}"), &haas(lathe())).contains("PRG-UNSUPPORTED-CODE"), "{block}");
+    }
+}
+
+#[test]
+fn a_drawing_word_on_a_contour_says_so_once() {
+    let program = "G99 S500 M3\nG0 X50 Z2\nG71 U1 R0.5\nG71 P10 Q20 U0.4 W0.1 F0.2\nN10 G0 X20\nG1 Z-10 C.5\nX40\nN20 X50\n\
+                   G70 P10 Q20\nM30\n";
+    let (_, findings) = interpret(program.as_bytes(), lathe());
+    let [finding] = findings.findings() else { panic!("{findings:#?}") };
+    assert_eq!((finding.code.name(), finding.span.line), ("PRG-TURNING-CONTOUR", 6));
+    assert!(finding.suggestions[0].message.contains("plain_drawing_words"), "{finding:#?}");
+}
+
+#[test]
 fn g87_of_haas_controls_is_retracted_by_hand() {
     let boring = "M3 S500\nG0 Z10\nG98 G87 X0 Z-2 R-20 Q1 F50";
     assert!(

@@ -255,12 +255,10 @@ fn what_cannot_be_followed_is_refused_with_its_place() {
     }
 }
 
-#[test]
-fn further_files_are_found_by_name_and_by_number() {
-    let programs =
-        ["G0 X1\nM98 P1000\nM98 P2000\nX4\nM30\n", "O1000\nG0 X2\nM99\n", "%\nO0005\nM99\nO2000\nG0 X3\nM99\n%\n"];
-    let names = ["subs/O1000.nc".to_owned(), "library.nc".to_owned()];
-    let mut reader = Reader::new(Interpreter::new(LanguageSettings::mill()).with_programs(names.to_vec().into()));
+/// Where the tool goes in which program and line, and what is found, of a program with further files.
+fn with_files(programs: &[&str], names: &[&str]) -> (Vec<(u32, u32, f64)>, Vec<Finding>) {
+    let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
+    let mut reader = Reader::new(Interpreter::new(LanguageSettings::mill()).with_programs(names.into()));
     let mut pages = SourcePages::default();
     let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
     loop {
@@ -276,16 +274,45 @@ fn further_files_are_found_by_name_and_by_number() {
             Reading::Ended => break,
         }
     }
-    let wrong = findings.into_findings();
+    let moves = operations.iter().filter_map(|operation| match &operation.kind {
+        OperationKind::Move(step) => Some((operation.span.program, operation.span.line, step.end[0])),
+        _ => None,
+    });
+    (moves.collect(), findings.into_findings())
+}
+
+#[test]
+fn further_files_are_found_by_name_and_by_number() {
+    let main = "G0 X1\nM98 P1000\nM98 P2000\nX4\nM30\n";
+    let programs = [main, "O1000\nG0 X2\nM99\n", "%\nO0005\nM99\nO2000\nG0 X3\nM99\n%\n"];
+    let (found, wrong) = with_files(&programs, &["subs/O1000.nc", "library.nc"]);
     assert!(wrong.is_empty(), "{wrong:#?}");
-    let found: Vec<_> = operations
-        .iter()
-        .filter_map(|operation| match &operation.kind {
-            OperationKind::Move(step) => Some((operation.span.program, operation.span.line, step.end[0])),
-            _ => None,
-        })
-        .collect();
     assert_eq!(found, [(0, 1, 1.0), (1, 2, 2.0), (2, 5, 3.0), (0, 4, 4.0)]);
+}
+
+#[test]
+fn a_program_that_is_there_twice_is_not_called() {
+    let [main, one, other] = ["M98 P2000\nM30\n", "O2000\nG0 X1\nM99\n", "O2000\nG0 X2\nM99\n"];
+    let nameless = "G0 X3\nM99\n";
+    let both = format!("{main}{one}{other}");
+    for (programs, names) in [
+        (&[&*both][..], &[][..]),
+        (&[main, &format!("{one}{other}")], &["library.nc"]),
+        (&[main, one, other], &["a.nc", "b.nc"]),
+        (&[main, one, other], &["a/O2000.nc", "b/2000"]),
+        (&[main, nameless, nameless], &["a/O2000.nc", "b/2000"]),
+    ] {
+        let (moves, found) = with_files(programs, names);
+        assert!(moves.is_empty(), "{programs:?} {names:?}");
+        let [finding] = &found[..] else { panic!("{found:#?}") };
+        assert_eq!((finding.code.name(), finding.span.line), ("PRG-JUMP-TARGET", 1), "{finding:#?}");
+        assert!(names.iter().all(|name| finding.message.contains(name)), "{finding:#?}");
+    }
+    // In the order of the search: the file of the call, files named after the program, all others.
+    let mine = format!("{main}{one}");
+    assert_eq!(with_files(&[&mine, other, other], &["O2000.nc", "b.nc"]).0, [(0, 4, 1.0)]);
+    assert_eq!(with_files(&[main, one, other, nameless], &["b.nc", "O2000.nc", "2000.txt"]).0, [(2, 2, 2.0)]);
+    assert_eq!(with_files(&[main, one, nameless], &["b.nc", "O2000.nc"]).0, [(1, 2, 1.0)]);
 }
 
 #[test]

@@ -127,7 +127,8 @@ fn linuxcnc_has_codes_of_its_own() {
     check(&linuxcnc(), "G32 Z-5 F1", "! 1:1+3 PRG-UNKNOWN-CODE");
     check(&linuxcnc(), "M3 S100\nG33 Z-5 K1.5", "spindle cw 100\nthread 0 -> Z-5 @1.5");
     // F is a feed there, never a lead.
-    check(&linuxcnc(), "M3 S100\nG33 Z-5 F1.5", "spindle cw 100\n! 2:1+12 PRG-THREAD-LEAD-MISSING");
+    check(&linuxcnc(), "M3 S100\nG33 Z-5 F1.5", "spindle cw 100\n! 2:9+4 PRG-WORD-CONFLICT");
+    check(&linuxcnc(), "M3 S100 F20\nG33 Z-5", "spindle cw 100\n! 2:1+7 PRG-THREAD-LEAD-MISSING");
     check(
         &linuxcnc(),
         "M3 S100 F20\nG33 Z-5 K1.5\nG1 X1",

@@ -39,7 +39,7 @@ fn cubic_splines_and_their_continuation() {
 #[test]
 fn quadratic_splines() {
     check_mill(
-        "G0 X-2 Y4\nG5.1 X2 I2 J-8\nX4 Y0 I1",
+        "G0 X-2 Y4\nG5.1 X2 I2 J-8\nX4 Y0 I1 J0",
         "rapid 0 -> X-2 Y4
          spline X-2 Y4 -> X2 Y4 order 3 -2,4 0,-4 2,4 @100/min
          spline X2 Y4 -> X4 order 3 2,4 3,4 4,0 @100/min",
@@ -77,7 +77,7 @@ fn every_plane_and_diameters() {
     // Points are Z, X; X words are diameters, but I and P are not.
     check(
         &lathe(),
-        "G98 F9 G0 X20. Z1.\nG5 X40. Z5. I1. K2. P3. Q4.\nG5.1 X20. W1. K1.\nG5.2 X30. Z7.\nU10. W2.\nG5.3",
+        "G98 F9 G0 X20. Z1.\nG5 X40. Z5. I1. K2. P3. Q4.\nG5.1 X20. W1. I0 K1.\nG5.2 X30. Z7.\nU10. W2.\nG5.3",
         "rapid 0 -> X10 Z1
          spline X10 Z1 -> X20 Z5 order 4 1,10 3,11 9,23 5,20 @9/min
          spline X20 Z5 -> X10 Z6 order 3 5,20 6,20 6,10 @9/min
@@ -97,11 +97,11 @@ fn every_plane_and_diameters() {
 fn feeds_are_as_for_lines() {
     check(&mill(), "G5 X1 Y1 I1 J1 P1 Q1", "! 1:1+20 PRG-FEED-MISSING");
     check(&mill(), "G5.2 X1 Y1\nX2 Y1\nG5.3", "! 1:1+10 PRG-FEED-MISSING");
-    check(&lathe(), "G5.1 X1 Z1 I1 F.1", "! 1:1+17 PRG-SPINDLE-STOPPED");
+    check(&lathe(), "G5.1 X1 Z1 I1 K0 F.1", "! 1:1+20 PRG-SPINDLE-STOPPED");
     check(
         &mill(),
-        "G93 F2 G5.2 X1 Y1\nX2 Y1\nG5.3\nG5.1 X1 I1",
-        "spline 0 -> X2 Y1 order 3 0,0 1,1 2,1 @1/2\n! 4:1+10 PRG-FEED-MISSING",
+        "G93 F2 G5.2 X1 Y1\nX2 Y1\nG5.3\nG5.1 X1 I1 J0",
+        "spline 0 -> X2 Y1 order 3 0,0 1,1 2,1 @1/2\n! 4:1+13 PRG-FEED-MISSING",
     );
 }
 
@@ -148,7 +148,7 @@ fn only_a_g5_goes_on_from_a_g5() {
         ("G0", ""),
         ("G28 X1", "rapid X1 Y1 -> Y1"),
         ("G18\nG17", ""),
-        ("G5.1 X0 Y0 I1", "spline X1 Y1 -> 0 order 3 1,1 2,1 0,0 @100/min"),
+        ("G5.1 X0 Y0 I1 J0", "spline X1 Y1 -> 0 order 3 1,1 2,1 0,0 @100/min"),
     ] {
         let line = 4 + between.lines().count() - 1;
         check_mill(

@@ -198,7 +198,9 @@ fn a_lead_is_no_feed_and_a_feed_is_no_lead() {
 #[test]
 fn leads_that_are_none() {
     check(&lathe(), "M3 S100\nG32 Z5. F2. E8", "spindle cw 100\n! 2:13+2 PRG-WORD-CONFLICT");
-    check(&linuxcnc(), "M3 S100\nG33 Z5. F2. K2.", "spindle cw 100\n! 2:13+3 PRG-WORD-CONFLICT");
+    check(&linuxcnc(), "M3 S100\nG33 Z5. F2. K2.", "spindle cw 100\n! 2:9+3 PRG-WORD-CONFLICT");
+    check(&linuxcnc(), "M3 S100\nG33 Z5. E2.", "spindle cw 100\n! 2:9+3 PRG-WORD-CONFLICT");
+    check(&linuxcnc(), "M3 S100\nG33.1 K2.", "spindle cw 100\n! 2:1+9 PRG-CYCLE-WORD");
     for word in ["F0", "F-1.5", "E0", "E-8", "F500.1", "K-1.", "K0", "E.01"] {
         let length = word.len();
         check(

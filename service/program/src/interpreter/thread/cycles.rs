@@ -182,9 +182,14 @@ impl Execution<'_> {
             None => {
                 self.used |= letters;
                 let span = self.block.span();
+                let has_all_forms = self.table.dialect.f_is_lead;
                 self.findings.push_with(code::THREAD_CYCLE_FORM, |code| {
                     let message = "the words of this threading cycle belong to none or several of its forms";
-                    Finding::new(code, span, message)
+                    let finding = Finding::new(code, span, message);
+                    if !has_all_forms {
+                        return finding.suggest("write it as G76 P Z I J K, with R Q H E L as needed");
+                    }
+                    finding
                         .suggest("in two lines: G76 P(passes)(chamfer)(angle) Q R, then G76 X Z R P Q F")
                         .suggest("in one line: G76 X Z I K D F A P")
                         .suggest("as in LinuxCNC: G76 P Z I J K, with R Q H E L as needed")

@@ -113,7 +113,7 @@ fn assigning_an_offset_acts_like_g10_from_the_next_block_on() {
     ends(
         &linuxcnc(),
         "#5241=10 #5250=90\nG55 G0 X1 Y0\n#5161=3\nG28 Y0\nG0 X#5250",
-        &[[10.0, 1.0, 0.0], [10.0, 0.0, 0.0], [10.0, 90.0, 0.0]],
+        &[[10.0, 1.0, 0.0], [3.0, 1.0, 0.0], [3.0, 90.0, 0.0]],
     );
     finds(&mill(), "G43 H1\n#11001=5\nG0 X1", &["2:PRG-OFFSET-IN-FORCE"]);
     finds(&linuxcnc(), "#5220=2", &["1:PRG-PARAMETER-READ-ONLY"]);

@@ -20,8 +20,15 @@ fn t_words_of_lathes_bring_wear_and_geometry() {
     let program = "T0101\nG0 X40 Z5\nT0102\nX40\nZ5\nT0100\nX40 Z5";
     let expected = [[30.5, 0.0, 104.75], [40.0, 0.0, 104.75], [40.0, 0.0, 86.0], [20.0, 0.0, 5.0]];
     ends_with(&lathe(), &turning(), program, &expected);
-    // A leading zero may be missing; two digits name a tool only.
-    ends_with(&lathe(), &turning(), "T101\nG0 X0 Z0\nT2\nX0 Z0", &[[10.5, 0.0, 99.75], [0.0, 0.0, 0.0]]);
+    // A leading zero may be missing, but two digits name an offset on some controls and a tool on others.
+    ends_with(&lathe(), &turning(), "T101\nG0 X0 Z0\nT200\nX0 Z0", &[[10.5, 0.0, 99.75], [0.0, 0.0, 0.0]]);
+    for program in ["T2", "T02 G0 X0", "#1=2\nT#1"] {
+        let found = run_with(&lathe(), &turning(), program).findings;
+        let line = if program.starts_with('#') { 2 } else { 1 };
+        assert_eq!(found, [format!("{line}:PRG-CODE-AMBIGUOUS")], "{program}");
+    }
+    ends_with(&lathe(), &[], "T2\nG0 X2", &[[1.0, 0.0, 0.0]]);
+    ends_with(&lathe(), &turning(), "T0\nG0 X2 Z0", &[[1.0, 0.0, 0.0]]);
     let mut settings = lathe();
     settings.coordinates.two_digit_tools = true;
     ends_with(&settings, &turning(), "T12\nG0 X0 Z0", &[[30.0, 0.0, 60.0]]);

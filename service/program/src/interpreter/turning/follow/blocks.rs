@@ -101,7 +101,8 @@ impl Interpreter {
 impl ContourRun {
     /// Takes an operation of a block of the contour.
     fn take(&mut self, operation: &Operation, findings: &mut FindingLog) {
-        let mut refuse = |run: &mut Self, message: &str| {
+        // The finishing cycle of the same contour says the same of the same place.
+        let mut refuse = |run: &mut Self, message: &'static str, cure: &'static str| {
             run.is_broken = true;
             findings.push_with(code::TURNING_CONTOUR, |code| {
                 Finding::new(
@@ -110,9 +111,11 @@ impl ContourRun {
                     format!("the contour of the cycle of line {} {message}", run.span.line),
                 )
                 .with_value("line", f64::from(run.span.line), "")
-                .suggest("write the contour with lines and arcs in X and Z")
+                .suggest(cure)
+                .ranked(message, 0.0)
             });
         };
+        let cure = "write the contour with lines and arcs in X and Z";
         match &operation.kind {
             OperationKind::Move(step) => {
                 let others = |axis: &Axis| !matches!(axis, Axis::X | Axis::Z);
@@ -120,10 +123,15 @@ impl ContourRun {
                     Some(arc) => Curve::arc(place(&step.start), place(&step.end), arc.center, arc.sweep_rad),
                     None => Curve::line(place(&step.start), place(&step.end)),
                 };
-                if Axis::ALL.into_iter().filter(others).any(|axis| step.start[axis.index()] != step.end[axis.index()]) {
-                    refuse(self, "moves another axis than X and Z");
+                let moves = |axis: Axis| step.start[axis.index()] != step.end[axis.index()];
+                if moves(Axis::A) || moves(Axis::C) {
+                    let cure = "write the contour with lines and arcs in X and Z; where A is the angle of a line and C a \
+                                chamfer, set language.plain_drawing_words of the machine profile to true";
+                    refuse(self, "turns A or C", cure);
+                } else if Axis::ALL.into_iter().filter(others).any(moves) {
+                    refuse(self, "moves another axis than X and Z", cure);
                 } else if step.spline.is_some() || step.arc.is_some_and(|arc| arc.plane != Plane::Zx) {
-                    refuse(self, "has a curve that is no arc in the plane of Z and X");
+                    refuse(self, "has a curve that is no arc in the plane of Z and X", cure);
                 } else if self.pieces.len() >= MAX_PIECES {
                     self.is_cut = true;
                 } else {
@@ -131,7 +139,7 @@ impl ContourRun {
                 }
             }
             OperationKind::Thread(_) | OperationKind::Guided(_) => {
-                refuse(self, "has a move that is no line and no arc");
+                refuse(self, "has a move that is no line and no arc", cure);
             }
             OperationKind::Compensation(CompensationCommand::On(mode)) => {
                 self.left = Some(mode.left);
