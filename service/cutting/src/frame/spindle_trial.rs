@@ -90,9 +90,17 @@ fn above_clamp(line: u32) -> Finding {
     Finding::new(code::SPINDLE_SPEED, span, message).suggest("permit a higher speed in the program")
 }
 
-/// Warnings that limits of the axes are exceeded, which may not be by more than at the programmed speed. The steps of a held
+/// Warnings that a limit or a condition is exceeded, which may not be by more than at the programmed speed. The steps of a held
 /// oscillation and of the published form are what was chosen.
-const LIMITS: [FindingCode; 1] = [code::THREAD_VIBRATION_STEP];
+const LIMITS: [FindingCode; 7] = [
+    code::OSC_OVERRIDE,
+    code::THREAD_CORNER,
+    code::THREAD_FOLLOWING_DEEP,
+    code::THREAD_VIBRATION_STEP,
+    code::VIB_CHIP_OVERRIDE,
+    code::VIB_FOLLOWING_CONTOUR,
+    code::VIB_FOLLOWING_EXCESS,
+];
 
 impl Judged {
     /// The first warning about what holds in another run and does not hold here. That a chip does not break is said once of a

@@ -209,10 +209,16 @@ impl Api {
             return Ok(false);
         }
         let report: ValidationReport = stored::from_stored(self.store.report(job).await?.report.get())?;
-        if upper > judged && !report.sections.is_empty() {
+        let judged_of = match () {
+            () if upper <= judged => None,
+            () if !report.sections.is_empty() => Some("whether the chip of the program's vibration breaks was"),
+            () if !report.oscillations.is_empty() => Some("the conditions of the tool's oscillation were"),
+            () => None,
+        };
+        if let Some(what) = judged_of {
             return unfit(format!(
-                "rules.feed_bounds.upper is {upper}, whether the chip of the program's vibration breaks was judged up to \
-                 {judged}, the max_feed_override of its machine: lower it, or raise that one and validate a new job"
+                "rules.feed_bounds.upper is {upper}, {what} judged up to {judged}, the max_feed_override of its machine: \
+                 lower it, or raise that one and validate a new job"
             ));
         }
         let depends = !report.sections.is_empty() || !report.threads.is_empty() || !report.oscillations.is_empty();
