@@ -65,7 +65,17 @@ fn a_cut_that_never_breaks_hides_none_that_breaks_at_the_programmed_speed_only()
 }
 
 fn judge(pipeline: &Pipeline, program: &str, ratio: f64) -> Result<(), String> {
-    let mut trial = SpindleTrial::new(pipeline, ratio).expect("at a place");
+    cuts_at(pipeline, program, ratio).map(drop)
+}
+
+/// Whether anything is cut before the next place, at a speed that it may be cut at, where the feed is at most as programmed.
+fn cuts_at(pipeline: &Pipeline, program: &str, ratio: f64) -> Result<bool, String> {
+    judge_up_to(1.0, pipeline, program, ratio)
+}
+
+/// The same with feed overrides up to this one.
+fn judge_up_to(largest: f64, pipeline: &Pipeline, program: &str, ratio: f64) -> Result<bool, String> {
+    let mut trial = SpindleTrial::new(pipeline, ratio, largest).expect("at a place");
     loop {
         match trial.step() {
             TrialStep::NeedInput(place) => match program.as_bytes().get(place.offset as usize..) {
@@ -73,7 +83,7 @@ fn judge(pipeline: &Pipeline, program: &str, ratio: f64) -> Result<(), String> {
                 _ => trial.finish_input(),
             },
             TrialStep::More => {}
-            TrialStep::Holds => return Ok(()),
+            TrialStep::Holds { cuts } => return Ok(cuts),
             TrialStep::Fails(finding) => return Err(finding.code.to_string()),
         }
     }
@@ -117,8 +127,19 @@ fn a_speed_is_judged_by_the_chip_that_it_would_leave() {
     // Beyond the 4000 rev/min of the machine.
     let machine = pipeline.config().profile.machine.max_spindle_rev_per_min;
     assert_eq!(judge(&pipeline, TURNED, 1.01 * machine / 1_000.0).unwrap_err(), "SPINDLE-SPEED");
-    // Behind the sections there is nothing to judge.
-    assert_eq!(judge(&at_place(TURNED, 2), TURNED, 1.2), Ok(()));
+    // Behind the sections there is nothing to judge, and nothing is cut.
+    assert_eq!(cuts_at(&at_place(TURNED, 2), TURNED, 1.2), Ok(false));
+    assert_eq!(cuts_at(&pipeline, TURNED, 1.05), Ok(true));
+}
+
+#[test]
+fn what_holds_up_to_an_override_at_the_programmed_speed_is_not_lost() {
+    // 2A·|sin πD| = 0.06 mm breaks 0.05 mm/rev up to an override of 1.2; at 1.05 times the speed 0.0559 mm break 0.0476 up to 1.174.
+    let pipeline = at_place(TURNED, 1);
+    for (largest, holds) in [(1.0, true), (1.17, true), (1.18, false), (1.2, false), (1.5, false)] {
+        let judged = judge_up_to(largest, &pipeline, TURNED, 1.05);
+        assert_eq!(judged, if holds { Ok(true) } else { Err("VIB-CHIP-OVERRIDE".to_owned()) }, "{largest}");
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! Whether what follows a place between sections may be cut at another spindle speed: it is run as a validation would, up to the
 //! next such place, and what is found then is compared with what is found at the programmed speed.
 
+use std::sync::Arc;
+
 use feedwave_program::{Finding, FindingCode, FindingLog, Place, Severity, SourceSpan};
 
 use crate::code;
@@ -17,16 +19,18 @@ pub enum TrialStep {
     NeedInput(Place),
     /// There is more to do.
     More,
-    /// What follows may be cut at that speed.
-    Holds,
+    /// What follows may be cut at that speed; whether anything is cut there.
+    Holds {
+        /// A cut follows before the next such place.
+        cuts: bool,
+    },
     /// It may not: the first condition that holds at the programmed speed and would no longer hold.
     Fails(Box<Finding>),
 }
 
 /// Judges another spindle speed for what follows a place between sections, without touching the pipeline there.
 ///
-/// The feed override is 100 %; conditions that hold for a range of overrides are judged for all that the machine permits
-/// ([`crate::MachineProfile::max_feed_override`]).
+/// The feed override is 100 %; conditions that hold for a range of overrides are judged for all that may be in force there.
 #[derive(Debug)]
 pub struct SpindleTrial {
     run: Run,
@@ -42,6 +46,8 @@ struct Judged {
     findings: Vec<Finding>,
     /// Of vibrating sections, in their order.
     sections: Vec<SectionReport>,
+    /// Whether anything is cut.
+    cuts: bool,
 }
 
 #[derive(Debug)]
@@ -51,8 +57,10 @@ struct Run {
 }
 
 impl Run {
-    fn new(at_place: &Pipeline, ratio: f64) -> Self {
+    fn new(at_place: &Pipeline, ratio: f64, largest_override: f64) -> Self {
         let mut pipeline = at_place.clone();
+        let profile = &mut Arc::make_mut(&mut pipeline.config).profile;
+        profile.max_feed_override = largest_override.clamp(1.0, profile.max_feed_override);
         pipeline.findings = FindingLog::default();
         pipeline.builder.analysis = Some(Analysis::default());
         // A held feed would never come to the end, and what is ahead in the configuration is none of the trial's.
@@ -71,15 +79,16 @@ impl Run {
             Step::Block | Step::Finished | Step::Refused => {}
         }
         let Pipeline { builder, findings, config, spindle, .. } = &mut self.pipeline;
-        let mut sections = Vec::new();
+        let (mut sections, mut cuts) = (Vec::new(), false);
         if let Some(analysis) = &mut builder.analysis {
+            cuts = analysis.cutting_moves > 0;
             analysis.functions.vibration.finish_waiting(findings);
             sections = std::mem::take(&mut analysis.functions.vibration.sections.first);
         }
         builder.close_thread(config, findings);
         let mut findings = std::mem::take(findings).into_findings();
         findings.extend(spindle.above_clamp_line.map(above_clamp));
-        Ok(Judged { findings, sections })
+        Ok(Judged { findings, sections, cuts })
     }
 }
 
@@ -121,12 +130,14 @@ impl Judged {
 }
 
 impl SpindleTrial {
-    /// A trial of a ratio to the programmed speed; `None` where the pipeline is at no place between sections.
+    /// A trial of a ratio to the programmed speed; `None` where the pipeline is at no place between sections. `largest_override` is
+    /// the largest feed override that may be in force behind it, beside that of the machine
+    /// ([`crate::MachineProfile::max_feed_override`]).
     #[must_use]
-    pub fn new(pipeline: &Pipeline, ratio: f64) -> Option<Self> {
+    pub fn new(pipeline: &Pipeline, ratio: f64, largest_override: f64) -> Option<Self> {
         pipeline.place_between()?;
-        let programmed = (ratio != 1.0).then(|| Run::new(pipeline, 1.0));
-        Some(Self { run: Run::new(pipeline, ratio), programmed, found: None })
+        let run = |ratio: f64| Run::new(pipeline, ratio, largest_override);
+        Some(Self { run: run(ratio), programmed: (ratio != 1.0).then(|| run(1.0)), found: None })
     }
 
     /// Goes on by at most a block of setpoints.
@@ -143,8 +154,8 @@ impl SpindleTrial {
             Some(Err(None)) => TrialStep::More,
             Some(Ok(known)) => found
                 .lost_against(&known)
-                .map_or(TrialStep::Holds, |finding| TrialStep::Fails(Box::new(finding.clone()))),
-            None => TrialStep::Holds,
+                .map_or(TrialStep::Holds { cuts: found.cuts }, |finding| TrialStep::Fails(Box::new(finding.clone()))),
+            None => TrialStep::Holds { cuts: found.cuts },
         }
     }
 
@@ -155,7 +166,7 @@ impl SpindleTrial {
         }
         found.findings.retain(|finding| finding.severity == Severity::Warning);
         if found.findings.is_empty() || self.programmed.is_none() {
-            return TrialStep::Holds;
+            return TrialStep::Holds { cuts: found.cuts };
         }
         self.found = Some(found);
         TrialStep::More

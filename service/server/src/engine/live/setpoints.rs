@@ -155,9 +155,9 @@ impl Setpoints {
         self.pipeline.programmed_rev_per_min().map(|programmed| programmed * spindle)
     }
 
-    /// Begins to judge another spindle speed for what follows the place.
-    pub(super) fn trial(&self, spindle: f64) -> Option<SpindleTrial> {
-        SpindleTrial::new(&self.pipeline, spindle)
+    /// Begins to judge another spindle speed for what follows the place, at feed overrides up to the largest one.
+    pub(super) fn trial(&self, spindle: f64, largest_override: f64) -> Option<SpindleTrial> {
+        SpindleTrial::new(&self.pipeline, spindle, largest_override)
     }
 
     /// Goes on with a trial.

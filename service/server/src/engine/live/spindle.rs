@@ -98,14 +98,13 @@ impl Gate {
         }
         let present = setpoints.spindle_ratio();
         match request {
-            // The programmed speed was judged by the validation.
-            Some(request) if request.spindle == 1.0 => self.ask(request.decision, 1.0, index, setpoints, session),
-            Some(request) => self.try_at(request.spindle, setpoints),
+            // The programmed speed was judged by the validation; the trial tells whether anything is cut at it.
+            Some(request) => self.try_at(request.spindle, setpoints, session),
             None if present == 1.0 => {
                 self.passed = Some(index);
                 Ok(None)
             }
-            None => self.try_at(present, setpoints),
+            None => self.try_at(present, setpoints, session),
         }
     }
 
@@ -145,14 +144,16 @@ impl Gate {
                         session.refuse_spindle(spindle, index, &reason(&finding))?;
                         return Ok(ControlFlow::Break(None));
                     }
-                    TrialStep::Holds if spindle == setpoints.spindle_ratio() => {
+                    TrialStep::Holds { cuts } => {
                         self.keeps = Keeps::Nothing;
-                        self.passed = Some(index);
-                        return Ok(ControlFlow::Break(None));
-                    }
-                    TrialStep::Holds => {
-                        self.keeps = Keeps::Nothing;
-                        if let Some(request) = request.filter(|request| request.spindle == spindle) {
+                        let request = request.filter(|request| request.spindle == spindle);
+                        let is_in_force = spindle == setpoints.spindle_ratio();
+                        // The programmed speed may have to be told all the same; where nothing is cut no speed matters.
+                        if !cuts || is_in_force && (spindle != 1.0 || request.is_none()) {
+                            self.passed = Some(index);
+                            return Ok(ControlFlow::Break(None));
+                        }
+                        if let Some(request) = request {
                             return self
                                 .ask(request.decision, spindle, index, setpoints, session)
                                 .map(ControlFlow::Break);
@@ -166,8 +167,14 @@ impl Gate {
         Ok(ControlFlow::Continue(()))
     }
 
-    fn try_at(&mut self, spindle: f64, setpoints: &Setpoints) -> Result<Option<proto::RunSpindleRequest>> {
-        let trial = setpoints.trial(spindle).ok_or_else(|| Error::internal("a spindle speed is judged at no place"))?;
+    fn try_at(
+        &mut self,
+        spindle: f64,
+        setpoints: &Setpoints,
+        session: &Session,
+    ) -> Result<Option<proto::RunSpindleRequest>> {
+        let largest_override = session.monitor().config().rules.feed_bounds.upper;
+        let trial = setpoints.trial(spindle, largest_override).ok_or_else(|| Error::internal("a spindle speed is judged at no place"))?;
         self.keeps = Keeps::Judging(Box::new(trial), spindle);
         Ok(None)
     }
