@@ -142,7 +142,8 @@ impl Execution<'_> {
         self.state.reported.lead = true;
         let span = self.block.word_span(&word);
         self.findings.push_with(code::WORD_CONFLICT, |code| {
-            let message = "G33 of LinuxCNC takes no F and no E: its lead is K, the travel per revolution along the path";
+            let message =
+                "G33 of LinuxCNC takes no F and no E: its lead is K, the travel per revolution along the path";
             Finding::new(code, span, message).suggest("leave it out, and write the lead as K")
         });
         true

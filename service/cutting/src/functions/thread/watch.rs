@@ -69,6 +69,8 @@ pub struct SpindleWatch {
     /// Where the spindle was when it last had turned.
     moved_at: Option<Reading>,
     too_fast: Option<(f64, f64)>,
+    /// Where it has stopped, degrees, until it turns forwards from there or back.
+    stopped_at_deg: Option<f64>,
     told: Condition,
 }
 
@@ -83,6 +85,7 @@ impl SpindleWatch {
             measured_from: None,
             moved_at: None,
             too_fast: None,
+            stopped_at_deg: None,
             told: Condition::Regular,
         }
     }
@@ -100,9 +103,18 @@ impl SpindleWatch {
         let on_lead = furthest_deg >= path.lead_start_deg();
         let stopped = time_s.is_some_and(|time_s| self.turn(path, Reading { angle_deg, time_s }));
         let back_deg = furthest_deg - angle_deg;
-        let (condition, event) = if on_lead && back_deg > REVERSAL_DEG {
+        // From a stop it may turn back as well: only forwards it is over.
+        let is_at_rest = self.stopped_at_deg.is_some_and(|rest_deg| angle_deg < rest_deg + STANDSTILL_DEG);
+        let turns_back = on_lead && back_deg > REVERSAL_DEG;
+        self.stopped_at_deg = match (on_lead && stopped, is_at_rest) {
+            _ if turns_back => None,
+            (true, _) => self.stopped_at_deg.or(Some(angle_deg)),
+            (false, true) => self.stopped_at_deg,
+            (false, false) => None,
+        };
+        let (condition, event) = if turns_back {
             (Condition::Reversed, SpindleEvent::Reversed { back_deg })
-        } else if on_lead && stopped {
+        } else if self.stopped_at_deg.is_some() {
             (Condition::Stopped, SpindleEvent::Stopped)
         } else if let Some((rev_per_min, limit_rev_per_min)) = self.too_fast {
             (Condition::TooFast, SpindleEvent::TooFast { rev_per_min, limit_rev_per_min })

@@ -312,7 +312,8 @@ impl Interpreter {
                 known = match (known, index.program(number)) {
                     (known, Found::Nowhere) => known,
                     (None, Found::At(mark)) => Some(mark),
-                    (None, Found::Twice(first, second)) | (Some(first), Found::At(second) | Found::Twice(second, _)) => {
+                    (None, Found::Twice(first, second))
+                    | (Some(first), Found::At(second) | Found::Twice(second, _)) => {
                         return Err(self.ambiguous_program(number, [first, second], pending, findings));
                     }
                 };

@@ -82,7 +82,14 @@ fn tool_offset(system: &System<'_>, axis: Axis) -> f64 {
 pub(super) const fn effect(number: u32) -> Option<Effect> {
     match number {
         // The reference version takes the first three rows as plain parameters, later ones as values of the control.
-        5_021..=5_029 | 5_081..=5_089 | 5_399 | 5_400..=5_413 | 5_420..=5_428 | 5_161..=5_169 | 5_181..=5_189 | 5_210..=5_220 => None,
+        5_021..=5_029
+        | 5_081..=5_089
+        | 5_399
+        | 5_400..=5_413
+        | 5_420..=5_428
+        | 5_161..=5_169
+        | 5_181..=5_189
+        | 5_210..=5_220 => None,
         // Twenty numbers for each system: nine axes, the rotation, the rest unused.
         5_221..=5_390 if (number - 5_221) % 20 < 10 => None,
         _ => Some(Effect::Set),

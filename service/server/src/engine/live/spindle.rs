@@ -174,7 +174,9 @@ impl Gate {
         session: &Session,
     ) -> Result<Option<proto::RunSpindleRequest>> {
         let largest_override = session.monitor().config().rules.feed_bounds.upper;
-        let trial = setpoints.trial(spindle, largest_override).ok_or_else(|| Error::internal("a spindle speed is judged at no place"))?;
+        let trial = setpoints
+            .trial(spindle, largest_override)
+            .ok_or_else(|| Error::internal("a spindle speed is judged at no place"))?;
         self.keeps = Keeps::Judging(Box::new(trial), spindle);
         Ok(None)
     }

@@ -282,6 +282,22 @@ fn a_spindle_that_shakes_is_none_that_turns_back() {
 }
 
 #[test]
+fn a_stop_is_over_only_when_the_spindle_turns_forwards() {
+    // How far it turns from the stop, and what is told.
+    for (turned_deg, last) in [(-3.0, "Stopped"), (-30.0, "Reversed"), (40.0, "Regular")] {
+        let (path, mut watch) = watched();
+        let mut told = Vec::new();
+        let mut at = |angle_deg: f64, time_s: f64| told.extend(watch.observe(&path, angle_deg, Some(time_s)));
+        (0..1_000).for_each(|k| at(f64::from(k), f64::from(k) * 0.001));
+        (0..800).for_each(|k| at(1_000.0, 1.0 + f64::from(k) * 0.001));
+        (0..100).for_each(|k| at(1_000.0 + turned_deg * f64::from(k) / 100.0, 1.8 + f64::from(k) * 0.001));
+        let told: Vec<_> = told.iter().map(|event| format!("{event:?}")).collect();
+        assert!(told[0] == "Stopped" && told.len() <= 2, "{told:?}");
+        assert!(told[told.len() - 1].starts_with(last), "{turned_deg}: {told:?}");
+    }
+}
+
+#[test]
 fn a_spindle_is_too_fast_for_a_vibration_before_the_lead_as_well() {
     let machine = feedwave_motion::Machine::lathe();
     let late = ThreadPass { depth_mm: 0.5, amplitude_mm: 0.6, start_angle_deg: 300.0, ..ThreadPass::default() };
