@@ -32,19 +32,19 @@ export const digitsOf = (marks, factor = 1) => {
 
 /**
  * A chart with a heading. `draw` is given `{ from, to, points, lower, upper, digits, unit, factor, isStep, now }`: times in
- * ms, points as `[time, value, isWeak]`, `now` where the axis goes on beyond it.
+ * ms, points as `[time, value, isWeak]`, `now` where the axis goes on beyond it, `until` where a line of steps ends before.
  */
 export const chart = () => {
   const heading = element("h3", { class: "chart-name" });
   const last = element("span", { class: "chart-last" });
   const svg = element("svg", { class: "chart", viewBox: `0 0 ${USUAL_WIDTH} ${HEIGHT}`, role: "img" });
   const root = element("figure", { class: "trend" }, element("figcaption", {}, heading, last), svg);
-  const draw = (name, { from, to, points, lower, upper, digits, unit, factor = 1, isStep = false, now }) => {
+  const draw = (name, { from, to, points, lower, upper, digits, unit, factor = 1, isStep = false, now, until }) => {
     const width = svg.clientWidth || USUAL_WIDTH;
     setAttribute(svg, "viewBox", `0 0 ${width} ${HEIGHT}`);
     setText(heading, unit ? `${name} (${unit})` : name);
     const known = points.filter(([, value]) => Number.isFinite(value));
-    setText(last, known.length > 0 ? number(known.at(-1)[1] * factor, digits) : t("empty"));
+    setText(last, known.length > 0 && until !== undefined ? "–" : known.length > 0 ? number(known.at(-1)[1] * factor, digits) : t("empty"));
     const values = [...known.map(([, value]) => value), lower, upper].filter((value) => Number.isFinite(value));
     let [least, most] = [Math.min(...values), Math.max(...values)];
     if (values.length === 0) [least, most] = [0, 1];
@@ -73,7 +73,7 @@ export const chart = () => {
     }
     // What is to come is not known.
     const end = now ?? to;
-    if (isStep && before !== null) d += `H${x(end).toFixed(1)}`;
+    if (isStep && before !== null) d += `H${x(Math.max(known.at(-1)[0], Math.min(end, until ?? end))).toFixed(1)}`;
     parts.push(element("path", { class: "chart-line", d }));
     // A point for each of very many values would hide them.
     for (const [time, value, isWeak] of isStep || known.length > MOST_POINTS ? [] : known) {

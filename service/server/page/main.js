@@ -7,7 +7,7 @@ import { chosenTenant, follow, forget, hasToken, oldMs, read, setTenant, setToke
 import { jobs } from "./jobs.js";
 import { program } from "./program.js";
 import { run } from "./run.js";
-import { conditionText, nameOf, stateOf } from "./state.js";
+import { conditionText, levelOf, nameOf, stateOf } from "./state.js";
 import { clock, currentLanguage, remember, remembered, switchLanguage, t } from "./text.js";
 
 /** Listeners of one kind. */
@@ -114,7 +114,8 @@ const drawHead = () => {
   drawCaller();
   const counts = new Map();
   for (const machine of store.machines.values()) {
-    const state = stateOf(machine);
+    // A fault that waits counts as one, whatever the machine does now.
+    const state = levelOf(machine) === "fault" ? "fault" : stateOf(machine);
     counts.set(state, (counts.get(state) ?? 0) + 1);
   }
   const order = ["fault", "stopped", "held", "interrupted", "running", "ready", "done", "idle"];
@@ -127,6 +128,7 @@ const drawHead = () => {
       setAttribute(node, "data-level", level[state]);
     },
   );
+  document.body.toggleAttribute("data-lost", lostSince !== null);
   setAttribute(connection, "hidden", lostSince === null);
   if (lostSince !== null) setText(connection, t("lost", { time: clock(lostSince) }));
 };
@@ -193,7 +195,8 @@ follow({
     drawHead();
   },
   lost: () => {
-    lostSince ??= Date.now();
+    // Nothing was heard since then: that it is lost is noticed later.
+    lostSince ??= Date.now() - (performance.now() - store.heardAt);
     drawHead();
   },
   refused: askForToken,

@@ -138,8 +138,10 @@ export const program = (place, store, name) => {
     const cures = (finding.suggestions ?? []).map((cure) =>
       element("li", {}, inEnglish(cure.message), cure.replacement === undefined ? null : element("code", {}, cure.replacement)));
     const often = Number(finding.occurrences) > 1 ? ` · ${t("occurrences", { count: number(finding.occurrences) })}` : "";
+    // One that has more rows than are laid out scrolls by itself.
+    const scrolls = rowsOf(finding) === MOST_ROWS;
     const node = element(
-      "div", { class: "finding", "data-severity": severity, "data-current": index === current },
+      "div", { class: "finding", tabindex: scrolls ? "0" : null, "data-severity": severity, "data-current": index === current },
       element("p", { class: "finding-head" }, element("strong", {}, findingName(finding)), inEnglish(finding.message), often),
       cures.length > 0 ? element("div", { class: "cures" }, element("span", {}, `${t("cure")}: `), element("ul", {}, cures)) : null,
     );
@@ -289,7 +291,7 @@ export const program = (place, store, name) => {
           if (!message.actions.every((action) => path.add(action))) enough.abort();
         },
       });
-      drawingState = () => "";
+      drawingState = () => (job.state === "JOB_STATE_REJECTED" ? t("drawnToError") : "");
     } catch (error) {
       if (stop.signal.aborted) return;
       drawingState = () => "";

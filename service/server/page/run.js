@@ -47,6 +47,8 @@ export const run = (place, store, name) => {
   let machineName = "";
   let record = null;
   let decisions = [];
+  /** Of more decisions than are kept the newest are there. */
+  let areCut = false;
   let selected = null;
   let failure = null;
   /** The decisions so far are read. */
@@ -161,7 +163,11 @@ export const run = (place, store, name) => {
   const drawTrends = () => {
     const [from, to, now] = times();
     const at = decisions.map((one) => [Date.parse(one.time), one]);
-    const first = at.length > 0 ? [[from, at[0][1].inputs?.before]] : [];
+    // What was before the oldest decision that is kept is not known.
+    const first = at.length > 0 ? [[areCut ? at[0][0] : from, at[0][1].inputs?.before]] : [];
+    const present = activity();
+    // Since its client left nobody knows what is in force.
+    const until = record.state === "RUN_STATE_OPEN" && present && !isAvailable(present) && present.executionTime ? Date.parse(present.executionTime) : undefined;
     const steps = [...first, ...at.map(([time, one]) => [time, one.outcome?.after])];
     const bounds = record.monitoring?.rules?.feedBounds;
     // What was decided is in force when the machine reaches it: of what was not seen here only the decision is known.
@@ -172,7 +178,7 @@ export const run = (place, store, name) => {
       : decided.length === 0 ? t("override") : t("overrideDecided", { time: clock(begin) });
     trends[0].draw(overrideName, {
       from, to, now, isStep: true, digits: 0, unit: "%", factor: 100, lower: bounds?.lower, upper: bounds?.upper,
-      points: [...decided, ...inForce],
+      points: [...decided, ...inForce], until,
     });
     const seen = at.map(([time, one]) => [time, evidenceOf(one)]).filter(([, evidence]) => evidence);
     const rule = seen.at(-1)?.[1] ?? { lower: record.monitoring?.rules?.feed?.lower, upper: record.monitoring?.rules?.feed?.upper, property: record.monitoring?.rules?.property };
@@ -182,7 +188,7 @@ export const run = (place, store, name) => {
       points: seen.map(([time, evidence]) => [time, evidence.value]),
     });
     trends[2].draw(t("spindleSpeed"), {
-      from, to, now, isStep: true, digits: 0, unit: "/min",
+      from, to, now, isStep: true, digits: 0, unit: "/min", until,
       points: at.map(([time, one]) => [time, one.inputs?.currentRevPerMin ?? (one.inputs?.programmedRevPerMin ?? NaN) * (one.outcome?.after?.spindle ?? NaN)]),
     });
     trends[3].draw(t("pathFeed"), { from, to, now, digits: 0, unit: "mm/min", points: feeds });
@@ -193,7 +199,9 @@ export const run = (place, store, name) => {
     const [from, to, now] = times();
     setAttribute(timeline, "data-open", now !== undefined);
     if (now !== undefined) timeline.style.setProperty("--now", timePlace(now, from, to));
-    setText(decisionTitle, t(decisions.length > 0 ? "decisions" : areRead ? "noDecisions" : "loading"));
+    setText(decisionTitle, areCut
+      ? t("decisionsLast", { count: MOST_DECISIONS, all: decisions.at(-1).number })
+      : t(decisions.length > 0 ? "decisions" : areRead ? "noDecisions" : "loading"));
     setAttribute(timeline, "aria-label", t("decisions"));
     setAttribute(timeline, "hidden", decisions.length === 0);
     setAttribute(timeline, "data-dense", decisions.length > 100);
@@ -299,7 +307,9 @@ export const run = (place, store, name) => {
     const known = new Set(decisions.map((one) => one.number));
     decisions.push(...list.filter((one) => one.run === name && !known.has(one.number)));
     decisions.sort((a, b) => Number(a.number) - Number(b.number));
-    if (decisions.length > MOST_DECISIONS) decisions = decisions.slice(-MOST_DECISIONS);
+    if (decisions.length <= MOST_DECISIONS) return;
+    areCut = true;
+    decisions = decisions.slice(-MOST_DECISIONS);
   };
   const readRecord = async () => {
     const now = await read(`/v1/${name}`, stop.signal);

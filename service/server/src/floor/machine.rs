@@ -115,15 +115,14 @@ impl Machine {
     /// The run that the state is about: of those whose clients are there the one that moves, of several the one that was
     /// connected last; otherwise the newest.
     pub(super) fn run(&self) -> Option<&RunView> {
-        let rank = |view: &&RunView| {
-            let motion = match view.activity.execution() {
-                Execution::Running => 2,
-                Execution::Held => 1,
-                _ => 0,
-            };
-            (view.is_available(), motion)
+        let motion = |view: &&RunView| match view.activity.execution() {
+            Execution::Running => 2,
+            Execution::Held => 1,
+            _ => 0,
         };
-        self.connected.iter().map(|connected| &connected.view).max_by_key(rank).or(self.resting.as_ref())
+        let connected = || self.connected.iter().map(|connected| &connected.view);
+        let moving = connected().filter(|view| view.is_available()).max_by_key(motion);
+        moving.or_else(|| connected().chain(&self.resting).max_by_key(|view| view.sequence))
     }
 
     /// Runs whose clients are there, but for the one that is shown.

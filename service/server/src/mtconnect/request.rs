@@ -259,6 +259,8 @@ impl CurrentQuery {
 pub(super) struct SampleQuery {
     /// First observation to look at; where the count is negative, the last one.
     pub(super) from: u64,
+    /// The oldest one was meant, whichever it is when it is looked at.
+    pub(super) is_from_oldest: bool,
     pub(super) to: u64,
     /// Most observations of an answer.
     pub(super) count: usize,
@@ -283,7 +285,8 @@ impl SampleQuery {
             return Err(Refusal::malformed("a negative 'count' and 'interval' exclude each other".to_owned()));
         }
         let heartbeat = parameters.milliseconds("heartbeat", 1)?;
-        let from = match parameters.number("from")? {
+        let asked = parameters.number("from")?;
+        let from = match asked {
             None if is_backwards => last,
             None => first,
             Some(from) => {
@@ -304,6 +307,7 @@ impl SampleQuery {
         };
         Ok(Self {
             from,
+            is_from_oldest: asked.is_none() && !is_backwards,
             to,
             count: usize::try_from(count.unsigned_abs()).unwrap_or(usize::MAX),
             is_backwards,

@@ -364,6 +364,9 @@ impl Following {
     /// The last part for a client that is slower than the buffer.
     fn overtaken(&mut self) -> Option<Bytes> {
         let first = self.agent.observations().buffer.first();
+        if std::mem::take(&mut self.query.is_from_oldest) {
+            self.query.from = self.query.from.max(first);
+        }
         if self.query.from >= first {
             return None;
         }
