@@ -159,6 +159,24 @@ fn a_run_that_moves_is_shown_before_one_that_does_not_or_is_lost() {
 }
 
 /// A decision of the log that stops the machine.
+#[test]
+fn of_lost_runs_the_newest_is_shown() {
+    let floor = Floor::new();
+    let (mut old, mut new) = (presence(&floor, 10, 1), presence(&floor, 20, 2));
+    old.connect();
+    old.follow(Execution::Running);
+    old.lose(Default::default());
+    old.tell();
+    new.connect();
+    new.follow(Execution::Running);
+    new.tell();
+    // The newer one has left, while the silence of the older one is waited for.
+    new.leave(None);
+    let shown = lathe(&floor).run.unwrap().run;
+    assert_eq!(shown, names::run(Uuid::from_u128(20)));
+    drop(old);
+}
+
 fn stop_of(run: &Run) -> feedwave_store::DecisionRecord {
     use feedwave_contract::proto;
     let outcome = proto::DecisionOutcome { action: DecisionAction::Stop.into(), ..Default::default() };
