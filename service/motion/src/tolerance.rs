@@ -113,8 +113,9 @@ pub(crate) const PLACES_PER_SPLINE_PIECE: usize = 8;
 /// Most points left out of one line: bounds the work of a block and the state of a checkpoint.
 pub(crate) const MAX_MERGED_POINTS: usize = 512;
 
-/// Part of the tolerance `P` that merging may use: the rest is left to the corners.
-pub(crate) const MERGING_SHARE: f64 = 0.5;
+/// Part of the tolerance `P` that merging may use: the rest is left to the curve of many blocks, which takes chords of an arc in less
+/// time than the longer lines that more merging would make of them.
+pub(crate) const MERGING_SHARE: f64 = 0.05;
 
 /// Part of an element that may be cut off at one of its ends: something is left between two rounded corners.
 pub(crate) const CORNER_SHARE: f64 = 0.45;

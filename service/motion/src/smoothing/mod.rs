@@ -3,7 +3,7 @@
 //!
 //! Elements go in as programmed and come out as they are run; the programmed path and the one that is run are nowhere
 //! farther apart than the tolerance `P` of the block before the corner. Merging uses no more than `Q` and no more
-//! than half of `P`; what it used is not used again at the corners beside it.
+//! than a twentieth of `P`; what it used is not used again at the corners beside it.
 //!
 //! A corner is rounded where two cutting elements of one work offset meet, moving X, Y and Z only, or both under tool centre
 //! point control with the tool centre point in motion, and the block before it asks for continuous path control. It stays where the direction turns by more than 170°, where the

@@ -161,15 +161,15 @@ pub(super) fn polyline(points: &[Vector]) -> Vec<Element> {
 #[test]
 fn points_in_a_line_are_merged() {
     let points = [[0.0; 3], [1.0, 0.004, 0.0], [2.0, -0.003, 0.002], [3.0, 0.0, 0.0], [3.0, 5.0, 0.0]];
-    let smoothed = smooth(&blocks(polyline(&points), within(0.05, 0.01)));
+    let smoothed = smooth(&blocks(polyline(&points), within(0.2, 0.01)));
     assert_eq!(smoothed.iter().map(|smoothed| smoothed.blocks).collect::<Vec<_>>(), [3, 0, 1]);
     assert_eq!(smoothed[0].element.source.line, 3, "the last of its blocks");
     assert_eq!(smoothed[0].element.start, at(points[0]));
-    // The corner has what merging left of the tolerance: 0.05 − 0.004.
+    // The corner has what merging left of the tolerance: 0.2 − 0.004.
     let corner = &smoothed[1].element;
     let middle = linear(&corner.position(0.5 * corner.length));
     let deviation_mm = norm(difference(middle, points[3]));
-    assert!((deviation_mm - 0.046).abs() < 1e-8, "{deviation_mm}");
+    assert!((deviation_mm - 0.196).abs() < 1e-8, "{deviation_mm}");
 
     let smoothed = smooth(&blocks(polyline(&points), within(0.05, 0.001)));
     assert_eq!(smoothed.iter().map(|smoothed| smoothed.blocks).sum::<u32>(), 4);
@@ -307,9 +307,9 @@ proptest! {
             points.push([points[points.len() - 1][0] + step, y * noise_mm, z * noise_mm]);
         }
         let original = polyline(&points);
-        let smoothed = smooth(&blocks(original.clone(), within(0.02, 0.005)));
+        let smoothed = smooth(&blocks(original.clone(), within(0.1, 0.005)));
         prop_assert_eq!(smoothed.iter().map(|smoothed| smoothed.blocks as usize).sum::<usize>(), original.len());
-        assert_smooth(&original, &smoothed, 0.02)?;
+        assert_smooth(&original, &smoothed, 0.1)?;
         if noise_mm < 0.0017 {
             // Every point is within √2·0.0017 of the axis, and the ends of any line, too: none is farther than 0.0049 from a line.
             prop_assert!(smoothed.len() == 1, "{} elements", smoothed.len());
@@ -346,7 +346,7 @@ fn a_noisy_run_is_divided_where_a_point_is_farther_from_every_line_than_the_tole
     // Neighbours in opposite corners of the noise are up to 2·√2 times it apart: 0.0056 mm, where 0.005 mm are permitted.
     let elements = |noise_mm: f64| {
         let points = [[0.0; 3], [0.3, noise_mm, noise_mm], [0.6, -noise_mm, -noise_mm], [0.601, noise_mm, noise_mm]];
-        smooth(&blocks(polyline(&points), within(0.02, 0.005))).len()
+        smooth(&blocks(polyline(&points), within(0.1, 0.005))).len()
     };
     assert_eq!((elements(0.00169), elements(0.00199)), (1, 3));
 }
