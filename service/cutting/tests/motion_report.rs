@@ -103,7 +103,7 @@ fn the_deviation_is_that_of_the_setpoints() {
 
 #[test]
 fn merged_points_count_as_deviation() {
-    let mut program = String::from("G17 G21 G90 F3000. G64 P0.02\nG1\n");
+    let mut program = String::from("G17 G21 G90 F3000. G64 P0.2\nG1\n");
     for k in 1..=100 {
         program += &format!("X{:.3} Y{}\n", f64::from(k) * 0.1, if k == 37 { 0.004 } else { 0.0 });
     }

@@ -75,6 +75,19 @@ fn a_larger_tolerance_hardly_costs_time() {
 }
 
 #[test]
+fn merging_costs_no_time() {
+    // G64 P without Q merges within P, as far as merging may use it.
+    let machine = machine();
+    for program in [crate::common::chord_circle(), crate::common::raster(), crate::common::freeform()] {
+        for tolerance_mm in [0.002_5, 0.01, 0.05, 0.2] {
+            let merged = PathControl::Continuous { tolerance_mm, merge_tolerance_mm: tolerance_mm };
+            let [with, without] = [merged, within(tolerance_mm)].map(|control| seconds(&program, control, &machine));
+            assert!(with <= 1.02 * without, "{} within {tolerance_mm} mm: {with} of {without} s", program.name);
+        }
+    }
+}
+
+#[test]
 fn a_sharp_corner_among_short_blocks_is_no_slower_than_a_stop_in_it() {
     // Legs in blocks of 0.2 mm that meet at right angles: as fast as the legs in one block each, which stop in their corners.
     let machine = machine();
