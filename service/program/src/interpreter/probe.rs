@@ -38,7 +38,7 @@ impl Execution<'_> {
         }
         let refusal = match () {
             () if turns => Some("rotary axes cannot move while probing"),
-            () if self.state.feed_unit == FeedUnit::InverseTime && !self.is_linuxcnc_dialect() => {
+            () if self.state.feed_unit == FeedUnit::InverseTime => {
                 Some("probing needs a feed per minute, not inverse time")
             }
             () if self.state.feed_unit == FeedUnit::PerRevolution && self.is_linuxcnc_dialect() => {

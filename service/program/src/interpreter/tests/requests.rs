@@ -86,7 +86,7 @@ fn a_probing_move_is_its_full_travel() {
     );
     check(&mill(), "G37 Z-10 F100", "line 0 -> Z-10 @100/min\nw 1:1+13 PRG-PROBE");
     check(&lathe(), "M3 S100\nG36 X-10 F.1", "spindle cw 100\nline 0 -> X-5 @0.1/rev\nw 2:1+12 PRG-PROBE");
-    for program in ["G38.2 X0 F100", "G38.2 A5 F100", "G95 M3 S100 G38.2 X5 F0.1", "G38.2"] {
+    for program in ["G38.2 X0 F100", "G38.2 A5 F100", "G93 G38.2 X5 F100", "G95 M3 S100 G38.2 X5 F0.1", "G38.2"] {
         check(&linuxcnc(), program, &format!("! 1:1+{} PRG-PROBE", program.len()));
     }
     // The feed of a later one moves nothing, and R is whether the move accelerates.
