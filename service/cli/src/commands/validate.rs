@@ -31,7 +31,7 @@ Examples:
   feedwave validate --format json shaft.nc | jq '.sections[].chip.broken'
       For scripts: feedwave.v1.ValidationReport of the contract, as the service answers it.
   feedwave validate --machine-kind mill --compare-qualities mould.nc
-      Machining times planned fast and for the least time, and how long planning took against them.
+      Machining times planned fast and for the least time.
   cat shaft.nc | feedwave validate --deny-warnings - && echo clean"
 )]
 pub struct Args {
@@ -87,7 +87,7 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
         Format::Json => print_json(&shown)?,
         Format::Text => {
             print(&report::text(&shown, &mut source, Style::stdout())?)?;
-            if report.is_accepted() && args.compare_qualities {
+            if report.is_accepted() && report.summary.duration_s > 0.0 {
                 tell(&planning(planning_s, report.summary.duration_s));
             }
         }
