@@ -77,11 +77,7 @@ struct Slower {
 impl Slower {
     /// Over the first `length` mm.
     fn of(plans: [&dyn Guess; 2], length: f64) -> Self {
-        let sampled = plans.map(|plan| {
-            let count = (plan.duration_s() / GUESS_STEP_S).ceil().clamp(1.0, MOST_GUESS_STEPS);
-            let at = |number: f64| plan.at(plan.duration_s() * number / count);
-            (0..=count as u32).map(|number| at(f64::from(number))).collect::<Vec<_>>()
-        });
+        let sampled = plans.map(sampled);
         let mut places: Vec<f64> = sampled.iter().flatten().map(|&(place, _)| place).collect();
         places.retain(|&place| place < length);
         places.push(length);
@@ -105,6 +101,13 @@ impl Slower {
         }
         Self { states }
     }
+}
+
+/// Places and speeds of a plan in short steps of time.
+fn sampled(plan: &dyn Guess) -> Vec<(f64, f64)> {
+    let count = (plan.duration_s() / GUESS_STEP_S).ceil().clamp(1.0, MOST_GUESS_STEPS);
+    let at = |number: f64| plan.at(plan.duration_s() * number / count);
+    (0..=count as u32).map(|number| at(f64::from(number))).collect()
 }
 
 /// Speed at a place between two others with speeds, at constant acceleration.
@@ -141,8 +144,11 @@ struct Rest<'a> {
     motions: &'a [PlannedMotion],
     /// Its path, one span for every stretch as far as it is planned anew, at the speeds commanded from now on.
     spans: Vec<Span<'a>>,
-    /// The motion so far.
+    /// Speeds commanded so far, by span.
+    former: Vec<f64>,
+    /// The motion so far, and its places and speeds in short steps of time.
     before: PartsGuess,
+    speeds: Vec<(f64, f64)>,
     /// Shares of acceleration and jerk left to junctions at its start, at its end and inside.
     reserves: [f64; 3],
     /// Speed and acceleration at its start.
@@ -153,14 +159,16 @@ struct Rest<'a> {
 }
 
 impl<'a> Rest<'a> {
-    /// The first `reach` mm of a course at another feed override; all of it where little would be left.
-    fn new(motions: &'a [PlannedMotion], feed_override: f64, reach: f64) -> Option<Self> {
+    /// The first `reach` mm of a course, from a former feed override to another one; all of it where little would be left.
+    fn new(motions: &'a [PlannedMotion], [former, feed_override]: [f64; 2], reach: f64) -> Option<Self> {
         let whole: f64 = motions.iter().flat_map(|motion| &motion.stretches).map(|own| own.profile.length()).sum();
         let is_whole = whole <= reach * ALMOST_REACHED;
         let mut rest = Self {
             motions,
             spans: Vec::new(),
+            former: Vec::new(),
             before: PartsGuess::default(),
+            speeds: Vec::new(),
             reserves: [0.0; 3],
             speed: 0.0,
             acceleration: 0.0,
@@ -178,6 +186,7 @@ impl<'a> Rest<'a> {
                 rest.reserves = [before, exit, inside.max(rest.reserves[2])];
                 let command = motion.commanded(stretch, feed_override);
                 rest.spans.push(Span { start: at, element: &motion.element, from: *start, command });
+                rest.former.push(motion.commanded(stretch, former));
                 let is_inside = is_whole || at + course.length() <= reach + SAME_POINT_MM;
                 let own =
                     if is_inside { profile.clone() } else { StretchProfile::Course(course.between(0.0, reach - at)) };
@@ -189,11 +198,23 @@ impl<'a> Rest<'a> {
             rest.reserves[1] = rest.reserves[2];
         }
         (_, rest.speed, rest.acceleration, _) = rest.before.state(0.0);
+        rest.speeds = sampled(&rest.before);
         (rest.speed > 0.0).then_some(rest)
     }
 
     fn length(&self) -> f64 {
         self.before.length()
+    }
+
+    /// Highest speed that was permitted between two places so far: the commanded one, or that of the motion where it was still coming down
+    /// to that.
+    fn permitted(&self, from: f64, to: f64) -> f64 {
+        let first = self.spans.partition_point(|span| span.start <= from).saturating_sub(1);
+        let within = self.spans[first..].iter().zip(&self.former[first..]).take_while(|(span, _)| span.start <= to);
+        let commanded = within.map(|(_, &former)| former).fold(f64::INFINITY, f64::min);
+        let first = self.speeds.partition_point(|&(place, _)| place <= from).saturating_sub(1);
+        let last = self.speeds.partition_point(|&(place, _)| place < to).min(self.speeds.len() - 1);
+        self.speeds[first..=last].iter().map(|&(_, speed)| speed).fold(commanded, f64::max)
     }
 
     /// Lowest commanded speed, mm/s.
@@ -325,7 +346,7 @@ impl<B> Planner<B> {
         let first = rest.first()?.stretches.first()?;
         let (_, speed, acceleration, _) = first.profile.state(0.0);
         let reach = self.reach_of_change(speed, acceleration);
-        let rest = Rest::new(rest, feed_override, reach)?;
+        let rest = Rest::new(rest, [self.feed_override, feed_override], reach)?;
         let (most_acceleration, most_jerk) = Path::new(&rest.spans, rest.length(), &limits).least_along();
         let along = |share: f64| PathLimits {
             velocity: f64::INFINITY,
@@ -368,14 +389,16 @@ impl<B> Planner<B> {
     ) -> Option<Course> {
         let target = rest.target();
         let comes_to_rest = end_speed <= 0.0 && target <= 0.0;
-        let ceiling = |s: f64| {
-            let speed = braking.speed(s);
+        let ceiling = |from: f64, to: f64| {
+            let speed = braking.speed(from);
             // What comes to rest at a place may be as fast as it likes before.
-            if comes_to_rest {
+            let above = if comes_to_rest {
                 CEILING_MARGIN * braking.peak
             } else {
                 speed + (CEILING_MARGIN - 1.0) * (speed - target).max(0.0)
-            }
+            };
+            // A lower feed must not make it faster than it was permitted to be.
+            above.min(rest.permitted(from, to))
         };
         let joints: Vec<_> = match rest.reserves[2] {
             reserve if reserve > 0.0 => rest.spans.iter().map(|span| (span.start, reserve)).collect(),

@@ -68,8 +68,8 @@ pub(crate) struct Path<'a> {
     pub(super) axes: Vec<MovedAxis>,
     /// Places where small steps of direction or curvature are passed, and the share of acceleration and jerk they take.
     pub(super) joints: &'a [(f64, f64)],
-    /// A speed that may be reached whatever is commanded, by the place: the present one has to come down first.
-    ceiling: Option<&'a dyn Fn(f64) -> f64>,
+    /// A speed that may be reached between two places whatever is commanded: the present one has to come down first.
+    ceiling: Option<&'a dyn Fn(f64, f64) -> f64>,
 }
 
 impl<'a> Path<'a> {
@@ -95,8 +95,8 @@ impl<'a> Path<'a> {
         Self { joints, ..self }
     }
 
-    /// The path where a speed that falls along it may be reached whatever is commanded.
-    pub(crate) fn with_ceiling(self, ceiling: &'a dyn Fn(f64) -> f64) -> Self {
+    /// The path where a speed may be reached between two places whatever is commanded: the largest of one that depends on the place.
+    pub(crate) fn with_ceiling(self, ceiling: &'a dyn Fn(f64, f64) -> f64) -> Self {
         Self { ceiling: Some(ceiling), ..self }
     }
 
@@ -178,12 +178,12 @@ impl<'a> Path<'a> {
         wholly.map(|(span, end)| 0.5 * (span.start + end))
     }
 
-    /// Lowest commanded speed between two places, mm/s.
+    /// Lowest speed between two places that may be reached, mm/s: the commanded one, or the ceiling.
     pub(super) fn command(&self, from: f64, to: f64) -> f64 {
         let first = self.span_at(from);
         let within = self.spans[first..].iter().take_while(|span| span.start <= to);
         let commanded = within.map(|span| span.command).fold(f64::INFINITY, f64::min);
         // A coefficient of b acts from the interval before.
-        self.ceiling.map_or(commanded, |ceiling| commanded.max(ceiling(from - (to - from))))
+        self.ceiling.map_or(commanded, |ceiling| commanded.max(ceiling(from - (to - from), to)))
     }
 }
