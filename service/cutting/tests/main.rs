@@ -7,6 +7,7 @@ mod edges;
 mod feed_holds;
 mod feed_override;
 mod feed_override_ahead;
+mod feed_override_least_time;
 mod figures;
 mod five_axis;
 mod gantry;

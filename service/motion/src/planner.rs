@@ -15,6 +15,7 @@
 //! ([`restart`]); that speed may then be too high for the new commands, and the first runs brake.
 
 mod behind;
+mod braking;
 mod change;
 mod cruise;
 mod reach;

@@ -384,6 +384,25 @@ pub(crate) const WORTHWHILE: f64 = 1.0005;
 /// Time on either side of a junction in which differences of setpoints average over it, s: three periods of 4 ms. At a longer
 /// period a step is spread so far that its share is small.
 pub(crate) const RESERVED_S: f64 = 0.012;
+/// Shares of the limits, tried in order, at which the path brakes as if it were straight when a lower feed is commanded.
+pub(crate) const DIRECT_SHARES: [f64; 8] = [0.995, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6];
+/// The same where the braking begins later, after steps of this time, s, and the most of them.
+pub(crate) const LATER_SHARES: [f64; 4] = [0.97, 0.8, 0.6, 0.35];
+pub(crate) const LATER_STEP_S: f64 = 1e-3;
+/// Steps that are tried beyond one from which the path can brake.
+pub(crate) const HARDER_STEPS: usize = 30;
+pub(crate) const LATER_STEPS: usize = 200;
+/// Share of the jerk from which on an acceleration ends at a commanded speed without room for anything else, and the same where no other
+/// way was found.
+pub(crate) const NEARLY_ALL: f64 = 0.85;
+pub(crate) const LEAST_OF_ALL: f64 = 0.2;
+/// Shares of a commanded speed to which the path then comes down, in the order in which they are tried.
+pub(crate) const LOWER_SPEEDS: [f64; 3] = [1.0, 0.7, 0.4];
+/// Time for which a path may have to go on in a corner before it can brake, s, the steps in which it is examined, s, and the share of the
+/// limits with which it then brakes.
+pub(crate) const PASSING_S: f64 = 0.06;
+pub(crate) const PASSING_STEP_S: f64 = 0.01;
+pub(crate) const PASSING_SHARE: f64 = 0.6;
 /// Shares of the limits at which the path brakes when a lower feed is commanded, tried in order.
 pub(crate) const BRAKING_SHARES: [f64; 3] = [0.7, 0.4, 0.2];
 /// Share of the limits with which a change of the feed has to be carried out at the latest: the course is planned anew as far as a

@@ -1,143 +1,23 @@
 //! A change of the feed override while a course is run: as much of it as a stop takes is planned anew from the present speed and
 //! acceleration, up to a speed without acceleration from which all that is known behind it can be planned in runs, or to rest.
+//!
+//! What has to come down brakes at once at the jerk, where every axis keeps its limits so ([`super::braking`]). Where the axes are at their
+//! limits for another reason, as in a corner, the motion goes on as it is until it can, or the speed is solved for. Never is it above
+//! what was permitted before the change.
 
+use core::ops::Range;
+
+use super::braking::{Braking, Slower, sampled};
 use super::refine::PartsGuess;
 use super::{MotionRequest, PathItem, PlannedMotion, Planner};
-use crate::profile::{change_length, reachable_speed};
-use crate::speed::{AxisLimits, Course, End, Guess, Path, Span};
-use crate::tolerance::{BRAKING_SHARES, CEILING_MARGIN, CHANGE_S, REACHING_SHARE, REST_MARGIN, SAME_POINT_MM};
-use crate::{PathLimits, PlannedStretch, Profile, StretchProfile};
-
-/// A speed that falls as fast as a share of the limits lets it.
-struct Braking {
-    speed: f64,
-    acceleration: f64,
-    /// Time until the present acceleration has ended, s.
-    peak_s: f64,
-    /// Highest speed: the present acceleration ends first.
-    peak: f64,
-    /// How far that takes, mm.
-    peak_mm: f64,
-    fall: Profile,
-}
-
-impl Braking {
-    fn new(speed: f64, acceleration: f64, target: f64, limits: &PathLimits) -> Self {
-        let rise_s = acceleration.max(0.0) / limits.jerk;
-        let peak = speed + 0.5 * acceleration.max(0.0) * rise_s;
-        let peak_mm = rise_s * (speed + rise_s * acceleration.max(0.0) / 3.0);
-        let target = target.min(peak);
-        let length = change_length(peak, target, limits);
-        Self {
-            speed,
-            acceleration: acceleration.max(0.0),
-            peak_s: rise_s,
-            peak,
-            peak_mm,
-            fall: Profile::with_cruise(length, peak, peak, target, limits),
-        }
-    }
-
-    fn length(&self) -> f64 {
-        self.peak_mm + self.fall.length()
-    }
-
-    /// Speed at a place.
-    fn speed(&self, s: f64) -> f64 {
-        if s <= self.peak_mm { self.peak } else { self.fall.state(self.fall.time_at(s - self.peak_mm)).1 }
-    }
-}
-
-/// A braking to rest as a first plan, stretched to its place.
-impl Guess for Braking {
-    fn duration_s(&self) -> f64 {
-        REST_MARGIN * (self.peak_s + self.fall.duration())
-    }
-
-    fn at(&self, t_s: f64) -> (f64, f64) {
-        let t_s = t_s / REST_MARGIN;
-        let (s, speed) = if t_s < self.peak_s {
-            let fallen = t_s / self.peak_s;
-            let speed = self.speed + self.acceleration * t_s * (1.0 - 0.5 * fallen);
-            (t_s * (self.speed + self.acceleration * t_s * (0.5 - fallen / 6.0)), speed)
-        } else {
-            let (s, speed, ..) = self.fall.state(t_s - self.peak_s);
-            (self.peak_mm + s, speed)
-        };
-        (REST_MARGIN * s, speed)
-    }
-}
-
-/// The slower of two plans of the same path at every place, as far as both go.
-struct Slower {
-    /// Time, place and speed; the acceleration is constant in between.
-    states: Vec<[f64; 3]>,
-}
-
-impl Slower {
-    /// Over the first `length` mm.
-    fn of(plans: [&dyn Guess; 2], length: f64) -> Self {
-        let sampled = plans.map(sampled);
-        let mut places: Vec<f64> = sampled.iter().flatten().map(|&(place, _)| place).collect();
-        places.retain(|&place| place < length);
-        places.push(length);
-        places.sort_by(f64::total_cmp);
-        places.dedup();
-        let mut states: Vec<[f64; 3]> = Vec::with_capacity(places.len());
-        let mut next = [1; 2];
-        for place in places {
-            let mut slowest = f64::INFINITY;
-            for (own, next) in sampled.iter().zip(&mut next) {
-                while *next + 1 < own.len() && own[*next].0 < place {
-                    *next += 1;
-                }
-                slowest = slowest.min(speed_between(own[*next - 1], own[*next], place));
-            }
-            let time_s = states.last().map_or(0.0, |&[time_s, before, speed]| {
-                let mean = 0.5 * (speed + slowest);
-                if mean > 0.0 { time_s + (place - before) / mean } else { time_s }
-            });
-            states.push([time_s, place, slowest]);
-        }
-        Self { states }
-    }
-}
-
-/// Places and speeds of a plan in short steps of time.
-fn sampled(plan: &dyn Guess) -> Vec<(f64, f64)> {
-    let count = (plan.duration_s() / GUESS_STEP_S).ceil().clamp(1.0, MOST_GUESS_STEPS);
-    let at = |number: f64| plan.at(plan.duration_s() * number / count);
-    (0..=count as u32).map(|number| at(f64::from(number))).collect()
-}
-
-/// Speed at a place between two others with speeds, at constant acceleration.
-fn speed_between((from, speed): (f64, f64), (to, end_speed): (f64, f64), place: f64) -> f64 {
-    let share = if to > from { ((place - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
-    (speed * speed + share * (end_speed * end_speed - speed * speed)).sqrt()
-}
-
-impl Guess for Slower {
-    fn duration_s(&self) -> f64 {
-        self.states.last().map_or(0.0, |&[time_s, ..]| time_s)
-    }
-
-    fn at(&self, t_s: f64) -> (f64, f64) {
-        let next = self.states.partition_point(|&[time_s, ..]| time_s <= t_s).min(self.states.len() - 1);
-        let [end_s, end, end_speed] = self.states[next];
-        let [start_s, start, speed] = self.states[next.saturating_sub(1)];
-        let span_s = end_s - start_s;
-        if span_s <= 0.0 || t_s >= end_s {
-            return (end, end_speed);
-        }
-        let passed_s = (t_s - start_s).max(0.0);
-        let at = speed + (end_speed - speed) * passed_s / span_s;
-        (start + 0.5 * (speed + at) * passed_s, at)
-    }
-}
-
-/// Times between the places at which the slower of two plans is known, s, and the most of them.
-const GUESS_STEP_S: f64 = 1e-3;
-const MOST_GUESS_STEPS: f64 = 4096.0;
+use crate::profile::reachable_speed;
+use crate::speed::{AxisLimits, Course, End, Guess, Path, Span, keeps_limits};
+use crate::tolerance::{
+    BRAKING_SHARES, CEILING_MARGIN, CHANGE_S, DIRECT_SHARES, HARDER_STEPS, LATER_SHARES, LATER_STEP_S, LATER_STEPS,
+    LEAST_OF_ALL, LOWER_SPEEDS, NEARLY_ALL, PASSING_S, PASSING_SHARE, PASSING_STEP_S, REACHING_SHARE, REST_MARGIN,
+    SAME_POINT_MM,
+};
+use crate::{PathLimits, PlannedStretch, StretchProfile};
 
 /// The part of a course that a change of the feed override plans anew.
 struct Rest<'a> {
@@ -220,6 +100,116 @@ impl<'a> Rest<'a> {
     /// Lowest commanded speed, mm/s.
     fn target(&self) -> f64 {
         self.spans.iter().map(|span| span.command).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Where its junctions are, on machines with this largest jerk, and the share that each takes: elements begin there. One that lies so
+    /// little behind that it matters is among them.
+    fn joints(&self, jerk: f64) -> Vec<(f64, f64)> {
+        let reserve = self.reserves[2];
+        if reserve <= 0.0 {
+            return Vec::new();
+        }
+        let near_mm = End::reserving(self.speed, self.acceleration, 0.0, jerk).reserved_mm;
+        let begins = self.spans.iter().map(|span| (span.start - span.from, span.start));
+        let matter = begins.filter(|&(place, start)| place > -near_mm && (place == start || start == 0.0));
+        matter.map(|(place, _)| (place, reserve)).collect()
+    }
+
+    /// The ends of its path where it is left at a place `length` at this speed, on machines with this largest jerk.
+    fn ends(&self, length: f64, end_speed: f64, jerk: f64) -> [End; 2] {
+        let is_end = self.is_whole && length >= self.length() - SAME_POINT_MM;
+        let [_, at_end, inside] = self.reserves;
+        let exit = match end_speed {
+            0.0 => 0.0,
+            _ if is_end => at_end,
+            _ => inside,
+        };
+        [
+            End::reserving(self.speed, self.acceleration, self.reserves[0], jerk),
+            End::reserving(end_speed, 0.0, exit, jerk),
+        ]
+    }
+
+    /// A braking along the path to the speed that is commanded where it ends, at a share of the limits `along` it, which keeps the limits
+    /// of every axis; to `most` mm/s at the most. Where the path is at these limits for another reason, as in a corner, it begins after one of
+    /// so many steps of the motion so far, with which it is over soonest. `None` where there is none, or nothing has to come down at once.
+    fn braked(
+        &self,
+        steps: Range<usize>,
+        most: f64,
+        along: impl Fn(f64) -> PathLimits,
+        limits: &AxisLimits,
+    ) -> Option<Course> {
+        let jerk = limits.largest_jerk();
+        let mut joints = self.joints(jerk);
+        if self.is_whole {
+            joints.push((self.length(), self.reserves[1]));
+        }
+        let path = Path::new(&self.spans, self.length(), limits).with_joints(&joints);
+        let mut found: Option<(f64, f64, Braking)> = None;
+        let mut last = steps.end;
+        for step in steps {
+            let t_s = step as f64 * LATER_STEP_S;
+            if step >= last {
+                break;
+            }
+            let (s, speed, acceleration, _) = self.before.state(t_s);
+            if t_s > 0.0 && t_s >= self.before.duration_s() {
+                break;
+            }
+            let shares: &[f64] = if step == 0 { &DIRECT_SHARES } else { &LATER_SHARES };
+            for &share in shares {
+                let least = if step == 0 { NEARLY_ALL } else { LEAST_OF_ALL };
+                let state = [s, speed, acceleration];
+                let Some(braking) = self.braking_from(state, [least, most], &along(share)) else { continue };
+                let [length, end_speed] = [s + braking.length(), braking.course.end_velocity()];
+                let is_inside = braking.length() > 0.0 && length < self.length() - SAME_POINT_MM;
+                let ends = self.ends(length, end_speed, jerk);
+                if is_inside && keeps_limits(&path, ends, &braking.course, s) {
+                    let over_s = t_s + braking.course.duration();
+                    if found.as_ref().is_none_or(|&(_, least_s, _)| over_s < least_s) {
+                        // A harder one may be possible a little later.
+                        last = step + HARDER_STEPS;
+                        found = Some((t_s, over_s, braking));
+                    }
+                    break;
+                }
+            }
+        }
+        let (t_s, _, braking) = found?;
+        let course = match self.before.until(t_s)? {
+            before if before.length() > 0.0 => Course::joined(&[before, braking.course]),
+            _ => braking.course,
+        };
+        Some(course.with_reserves(self.reserves))
+    }
+
+    /// A braking from a place, a speed and an acceleration to the speed that is commanded where it ends. `None` where nothing has to come down
+    /// at once; an acceleration that has to end at a commanded speed has, from the share `least` of the jerk on, and speeds
+    /// above `most` mm/s have to come down too.
+    fn braking_from(
+        &self,
+        [s, speed, acceleration]: [f64; 3],
+        [least, most]: [f64; 2],
+        along: &PathLimits,
+    ) -> Option<Braking> {
+        let span = self.spans.partition_point(|span| span.start <= s).saturating_sub(1);
+        let spans = &self.spans[span..];
+        let mut target = spans.first()?.command.min(most);
+        loop {
+            let peak = speed + 0.5 * acceleration.max(0.0) * acceleration / along.jerk;
+            let braking = match Braking::up_to(speed, acceleration, target, least, along) {
+                Some(braking) => braking,
+                None if target > 0.0 && peak <= target => return None,
+                None => Braking::new(speed, acceleration, target, along),
+            };
+            let within = spans.iter().take_while(|span| span.start <= s + braking.length());
+            let lowest = within.map(|span| span.command).fold(f64::INFINITY, f64::min);
+            if lowest >= target {
+                return Some(braking);
+            }
+            target = lowest;
+        }
     }
 
     /// Lowest and highest speed without acceleration at which it can end, as far as a share of the limits `along` the path
@@ -314,19 +304,37 @@ impl<'a> Rest<'a> {
 const ALMOST_REACHED: f64 = 1.1;
 
 impl<B> Planner<B> {
-    /// How much of a course has to be known for a change of the feed override at this speed and acceleration, mm; infinite on a
-    /// planner that makes none.
+    /// How much of a course has to be known for a change of the feed override at its start, mm, as far as what is known of it says; infinite
+    /// on a planner that makes none.
     #[must_use]
-    pub fn reach_of_change(&self, speed: f64, acceleration: f64) -> f64 {
+    pub fn reach_of_change(&self, rest: &[PlannedMotion]) -> f64 {
         let Some(limits) = &self.settings.limits else { return f64::INFINITY };
-        let [acceleration_limit, jerk] = limits.least();
-        let limits = PathLimits {
-            velocity: f64::INFINITY,
-            acceleration: REACHING_SHARE * acceleration_limit,
-            jerk: REACHING_SHARE * jerk,
+        let [acceleration, jerk] = limits.least();
+        let stop_mm = |share: f64, speed: f64, present: f64| {
+            let limits = PathLimits { velocity: f64::INFINITY, acceleration: share * acceleration, jerk: share * jerk };
+            REST_MARGIN * Braking::new(speed, present, 0.0, &limits).length()
         };
-        let stop_mm = REST_MARGIN * Braking::new(speed, acceleration, 0.0, &limits).length();
-        ALMOST_REACHED * stop_mm.max(CHANGE_S * speed)
+        let (mut time_s, mut reach, mut passed) = (0.0, 0.0_f64, 0.0);
+        for profile in rest.iter().flat_map(|motion| &motion.stretches).map(|own| &own.profile) {
+            let (_, speed, acceleration, _) = profile.state(0.0);
+            if time_s == 0.0 {
+                reach = stop_mm(REACHING_SHARE, speed, acceleration).max(CHANGE_S * speed);
+            }
+            // In a corner it may have to go on at first.
+            let mut t_s = (time_s / PASSING_STEP_S).ceil() * PASSING_STEP_S - time_s;
+            while t_s < profile.duration() && time_s + t_s <= PASSING_S {
+                let (s, speed, acceleration, _) = profile.state(t_s);
+                if speed > 0.0 {
+                    reach = reach.max(passed + s + stop_mm(PASSING_SHARE, speed, acceleration));
+                }
+                t_s += PASSING_STEP_S;
+            }
+            (time_s, passed) = (time_s + profile.duration(), passed + profile.length());
+            if time_s > PASSING_S {
+                break;
+            }
+        }
+        ALMOST_REACHED * reach
     }
 
     /// Plans a course anew at another feed override: `rest` are motions on it, the first one from the present place on, as far as
@@ -343,9 +351,7 @@ impl<B> Planner<B> {
         B: Clone,
     {
         let limits = self.settings.limits.clone()?;
-        let first = rest.first()?.stretches.first()?;
-        let (_, speed, acceleration, _) = first.profile.state(0.0);
-        let reach = self.reach_of_change(speed, acceleration);
+        let reach = self.reach_of_change(rest);
         let rest = Rest::new(rest, [self.feed_override, feed_override], reach)?;
         let (most_acceleration, most_jerk) = Path::new(&rest.spans, rest.length(), &limits).least_along();
         let along = |share: f64| PathLimits {
@@ -353,27 +359,71 @@ impl<B> Planner<B> {
             acceleration: share * most_acceleration,
             jerk: share * most_jerk,
         };
-        let target = rest.target();
-        if target <= 0.0 {
-            for share in BRAKING_SHARES {
-                let braking = Braking::new(rest.speed, rest.acceleration, 0.0, &along(share));
-                let stop_mm = REST_MARGIN * braking.length();
-                if stop_mm > rest.length() {
-                    break;
-                }
-                if let Some(course) = self.changed(&rest, [stop_mm, 0.0], &braking, &limits) {
-                    let path = rest.followed_by(course.length(), path, self.first_not_taken());
-                    let again = self.planned_again([0.0; 2], feed_override, path).ok()?;
-                    self.go_on_with(again);
-                    return Some(rest.on(&course));
-                }
-            }
+        let at_once = rest.braked(0..1, f64::INFINITY, along, &limits);
+        if let Some(motions) = at_once.and_then(|course| self.changed_to(&rest, &course, feed_override, &path)) {
+            return Some(motions);
         }
-        let path = rest.followed_by(rest.length(), path, self.first_not_taken());
-        let again = self.planned_again(rest.end_speeds(along), feed_override, path).ok()?;
+        if rest.target() <= 0.0
+            && let Some(course) = self.stop(&rest, along, &limits)
+        {
+            return self.changed_to(&rest, &course, feed_override, &path);
+        }
+        if let Some(motions) = self.solved(&rest, feed_override, along, &limits, &path) {
+            return Some(motions);
+        }
+        // What follows may need a lower speed.
+        LOWER_SPEEDS.into_iter().find_map(|share| {
+            let course = rest.braked(1..LATER_STEPS, share * rest.target(), along, &limits)?;
+            self.changed_to(&rest, &course, feed_override, &path)
+        })
+    }
+
+    /// The course that comes to rest sooner: one that goes on as it is before it brakes, or one whose speed is solved for.
+    fn stop(&mut self, rest: &Rest<'_>, along: impl Fn(f64) -> PathLimits, limits: &AxisLimits) -> Option<Course> {
+        let solved = BRAKING_SHARES.into_iter().find_map(|share| {
+            let braking = Braking::new(rest.speed, rest.acceleration, 0.0, &along(share));
+            let stop_mm = REST_MARGIN * braking.length();
+            if stop_mm <= rest.length() { self.changed(rest, [stop_mm, 0.0], &braking, limits) } else { None }
+        });
+        let later = rest.braked(1..LATER_STEPS, f64::INFINITY, &along, limits);
+        later.into_iter().chain(solved).min_by(|a, b| a.duration().total_cmp(&b.duration()))
+    }
+
+    /// Goes on with a course and what is planned behind it; `None` where the path there needs a lower speed.
+    fn changed_to(
+        &mut self,
+        rest: &Rest<'_>,
+        course: &Course,
+        feed_override: f64,
+        path: &[PathItem<B>],
+    ) -> Option<Vec<PlannedMotion>>
+    where
+        B: Clone,
+    {
+        let path = rest.followed_by(course.length(), path.to_vec(), self.first_not_taken());
+        let again = self.planned_again([course.end_velocity(); 2], feed_override, path).ok()?;
+        self.go_on_with(again);
+        Some(rest.on(course))
+    }
+
+    /// The change by a course whose speed is solved for, to a place from which what is behind it can be run.
+    fn solved(
+        &mut self,
+        rest: &Rest<'_>,
+        feed_override: f64,
+        along: impl Fn(f64) -> PathLimits,
+        limits: &AxisLimits,
+        path: &[PathItem<B>],
+    ) -> Option<Vec<PlannedMotion>>
+    where
+        B: Clone,
+    {
+        let target = rest.target();
+        let path = rest.followed_by(rest.length(), path.to_vec(), self.first_not_taken());
+        let again = self.planned_again(rest.end_speeds(&along), feed_override, path).ok()?;
         let course = BRAKING_SHARES.into_iter().find_map(|share| {
             let braking = Braking::new(rest.speed, rest.acceleration, target, &along(share));
-            self.changed(&rest, [rest.length(), again.speed], &braking, &limits)
+            self.changed(rest, [rest.length(), again.speed], &braking, limits)
         })?;
         self.go_on_with(again);
         Some(rest.on(&course))
@@ -400,18 +450,10 @@ impl<B> Planner<B> {
             // A lower feed must not make it faster than it was permitted to be.
             above.min(rest.permitted(from, to))
         };
-        let joints: Vec<_> = match rest.reserves[2] {
-            reserve if reserve > 0.0 => rest.spans.iter().map(|span| (span.start, reserve)).collect(),
-            _ => Vec::new(),
-        };
+        let joints = rest.joints(limits.largest_jerk());
         let whole = Path::new(&rest.spans, length, limits).with_joints(&joints);
         let path = if braking.peak > target { whole.with_ceiling(&ceiling) } else { whole };
-        let jerk = limits.largest_jerk();
-        let exit_reserve = if end_speed > 0.0 { rest.reserves[1] } else { 0.0 };
-        let ends = [
-            End::reserving(rest.speed, rest.acceleration, rest.reserves[0], jerk),
-            End::reserving(end_speed, 0.0, exit_reserve, jerk),
-        ];
+        let ends = rest.ends(length, end_speed, limits.largest_jerk());
         // The plan so far is too fast where the path comes to rest, and the braking where it turns before.
         let slower = comes_to_rest.then(|| Slower::of([&rest.before, braking], length));
         let guess: &dyn Guess = slower.as_ref().map_or(&rest.before, |slower| slower);

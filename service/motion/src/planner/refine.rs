@@ -44,7 +44,7 @@ impl<B> Released<B> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct PartsGuess {
     /// Time and place of the start of each part.
-    parts: Vec<(f64, f64, StretchProfile)>,
+    pub(super) parts: Vec<(f64, f64, StretchProfile)>,
     duration_s: f64,
     length: f64,
 }

@@ -31,6 +31,23 @@ pub(super) fn shares(path: &Path<'_>, derivatives: &[Derivatives], [b, slope, se
     largest
 }
 
+/// The same in a state by time, speed, acceleration and jerk along the path: the share of velocity, and the larger one of acceleration and
+/// jerk.
+pub(super) fn shares_in_time(
+    path: &Path<'_>,
+    derivatives: &[Derivatives],
+    [speed, acceleration, jerk]: [f64; 3],
+) -> [f64; 2] {
+    let mut largest = [0.0_f64; 2];
+    for (axis, [first, bend, twist]) in path.axes.iter().zip(derivatives) {
+        let accelerates = bend * speed * speed + first * acceleration;
+        let jerks = first * jerk + 3.0 * bend * speed * acceleration + twist * speed * speed * speed;
+        largest[0] = largest[0].max((first * speed).abs() / axis.velocity);
+        largest[1] = largest[1].max(accelerates.abs() / axis.acceleration).max(jerks.abs() / axis.jerk);
+    }
+    largest
+}
+
 /// Where a quantity that is known at three places with equal distances has a peak near the middle one, in these distances from it, and
 /// what it is there, on the parabola through the three.
 fn peak(around: &[f64]) -> Option<(f64, f64)> {

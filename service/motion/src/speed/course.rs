@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::tolerance::{SAME_POINT_MM, SOLVER_STEPS, TIME_PRECISION};
+use crate::tolerance::{RESERVED_S, SAME_POINT_MM, SOLVER_STEPS, TIME_PRECISION};
 
 /// Relative change of a time in a step of Newton's method that leaves it exact to rounding: the error of the next one is as small as its
 /// square.
@@ -112,6 +112,23 @@ impl Segment {
     }
 }
 
+/// A segment of a course with its length and its time.
+pub(super) struct Part {
+    pub(super) segment: Segment,
+    pub(super) length: f64,
+    pub(super) duration_s: f64,
+}
+
+impl Part {
+    /// Distance since its start, and speed, acceleration and jerk, `t` seconds after that.
+    pub(super) fn state(&self, t: f64) -> (f64, [f64; 3]) {
+        let Segment { acceleration, jerk, rate, .. } = self.segment;
+        let (x, speed) = self.segment.after(t);
+        let speed = speed.max(0.0);
+        (x, [speed, acceleration + jerk * t + rate * x, jerk + rate * speed])
+    }
+}
+
 /// Speed along a stretch, jerk-limited, from one speed and acceleration to others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Course {
@@ -180,6 +197,50 @@ impl Course {
         self.between(0.0, self.state(t_s).0)
     }
 
+    /// The course of these phases of constant jerk from a speed and an acceleration on, each with its jerk and its time, which end at
+    /// `end_speed`.
+    pub(crate) fn of_phases([speed, acceleration]: [f64; 2], phases: &[(f64, f64)], end_speed: f64) -> Self {
+        let mut segments = Vec::with_capacity(phases.len());
+        let (mut s, mut start_s) = (0.0, 0.0);
+        let (mut speed, mut acceleration) = (speed, acceleration);
+        for &(jerk, time_s) in phases.iter().filter(|&&(_, time_s)| time_s > 0.0) {
+            let governor = if jerk == 0.0 { Governor::Acceleration } else { Governor::Jerk };
+            let segment = Segment { start_s, s, speed, acceleration, jerk, rate: 0.0, governor };
+            let (distance, reached) = segment.after(time_s);
+            segments.push(segment);
+            (s, start_s) = (s + distance, start_s + time_s);
+            (speed, acceleration) = (reached, acceleration + jerk * time_s);
+        }
+        Self::new(segments, s, start_s, end_speed, [0.0; 3])
+    }
+
+    /// The same with other shares of acceleration and jerk that are left to junctions.
+    pub(crate) fn with_reserves(self, reserves: [f64; 3]) -> Self {
+        Self { reserves, ..self }
+    }
+
+    /// Speed and acceleration at a place, mm/s and mm/s².
+    pub(crate) fn at_place(&self, s: f64) -> (f64, f64) {
+        let index = self.segments.partition_point(|segment| segment.s <= s).saturating_sub(1);
+        match self.segments.get(index) {
+            Some(segment) if s < self.length => {
+                let x = (s - segment.s).max(0.0);
+                let t = segment.time_to(x, self.end_of(index) - segment.start_s);
+                let acceleration = segment.acceleration + segment.jerk * t + segment.rate * x;
+                (segment.after(t).1.max(0.0), acceleration)
+            }
+            _ => (self.end_speed, 0.0),
+        }
+    }
+
+    /// Its segments with how long each is.
+    pub(super) fn parts(&self) -> impl Iterator<Item = Part> + '_ {
+        self.segments.iter().enumerate().map(|(index, &segment)| {
+            let end = self.segments.get(index + 1).map_or(self.length, |next| next.s);
+            Part { segment, length: end - segment.s, duration_s: self.end_of(index) - segment.start_s }
+        })
+    }
+
     /// When segment `index` ends, s.
     fn end_of(&self, index: usize) -> f64 {
         self.segments.get(index + 1).map_or(self.duration_s, |next| next.start_s)
@@ -192,6 +253,7 @@ impl Course {
         let mut segments = Vec::new();
         let (mut s, mut time_s) = (0.0, 0.0);
         let mut end_speed = self.end_speed;
+        let mut reserves = self.reserves;
         for (index, segment) in self.segments.iter().enumerate().skip(first) {
             if segment.s >= to {
                 break;
@@ -200,6 +262,10 @@ impl Course {
             let whole_s = self.end_of(index) - segment.start_s;
             let entered_s = if segment.s < from { segment.time_to(from - segment.s, whole_s) } else { 0.0 };
             let left_s = if to < end { segment.time_to(to - segment.s, whole_s) } else { whole_s };
+            if index == first && segment.start_s + entered_s > RESERVED_S {
+                // The junction at the start of its plan is too far behind.
+                reserves[0] = 0.0;
+            }
             let x = (from - segment.s).max(0.0);
             let part = if x > 0.0 { segment.from(x, entered_s) } else { *segment };
             if to < end {
@@ -211,7 +277,7 @@ impl Course {
         }
         // Places of stretches are sums of lengths: the end may be rounded.
         let ends_plan = self.ends_plan && to >= self.length - SAME_POINT_MM;
-        Self { ends_plan, ..Self::new(segments, to - from, time_s, end_speed, self.reserves) }
+        Self { ends_plan, ..Self::new(segments, to - from, time_s, end_speed, reserves) }
     }
 
     /// Courses one behind the other.

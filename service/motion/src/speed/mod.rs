@@ -24,9 +24,11 @@ mod segments;
 mod solver;
 #[cfg(test)]
 mod tests;
+mod trial;
 
 pub use course::{Course, Governor};
 pub(crate) use path::{AxisLimits, Path, Span};
+pub(crate) use trial::keeps_limits;
 
 use crate::tolerance::{RESERVED_S, SPEED_GRADE, SPEED_INTERVALS, SPEED_LIMIT_SHARE, SPEED_STEPS};
 use problem::{Hold, Knots, Problem};

@@ -225,29 +225,32 @@ impl Interpolator {
         let current = track.current_index();
         let mut item = current;
         let (first, mut behind) = track.motion(current)?.rest_of_course(index, now_s)?;
-        let (_, speed, acceleration, _) = first.stretches.first()?.profile.state(0.0);
-        let reach_mm = planner.reach_of_change(speed, acceleration);
         let length_mm = |motion: &PlannedMotion| motion.stretches.iter().map(|own| own.profile.length()).sum::<f64>();
         let mut known_mm = length_mm(&first);
         let mut rest = vec![first];
         // It may go on over several elements.
-        while behind.is_none() && known_mm < reach_mm {
+        while behind.is_none() && known_mm < planner.reach_of_change(&rest) {
             item += 1;
             if track.motion(item).is_none() {
-                track.push(planner.pop()?);
+                // What is known may do where the next one waits for more of the path.
+                let Some(next) = planner.pop() else { break };
+                track.push(next);
             }
-            let (motion, next) = track.motion(item)?.rest_of_course(0, 0.0)?;
+            let Some((motion, next)) = track.motion(item).and_then(|motion| motion.rest_of_course(0, 0.0)) else {
+                break;
+            };
             known_mm += length_mm(&motion);
             rest.push(motion);
             behind = next;
         }
-        let motion = track.motion(item)?;
+        let last = current + rest.len() - 1;
+        let motion = track.motion(last)?;
         let rest_of_element = behind.and_then(|next| {
             let planned = motion.stretches.get(next)?;
             Some(PathItem::Motion(motion.request_from(next, planned.start)))
         });
         let mut path: Vec<_> = rest_of_element.into_iter().collect();
-        path.extend(track.planned_from(item + 1).map(PathItem::from));
+        path.extend(track.planned_from(last + 1).map(PathItem::from));
         let run = self.course_until(current, index, now_s)?;
         let motions = planner.change_course(&rest, ratio, path)?;
 
