@@ -146,6 +146,11 @@ impl<'a> Rest<'a> {
             joints.push((self.length(), self.reserves[1]));
         }
         let path = Path::new(&self.spans, self.length(), limits).with_joints(&joints);
+        // A lower feed must not wait until it is faster than an acceleration in progress makes it.
+        let highest = match self.target() {
+            target if target > 0.0 => Braking::new(self.speed, self.acceleration, 0.0, &along(DIRECT_SHARES[0])).peak,
+            _ => f64::INFINITY,
+        };
         let mut found: Option<(f64, f64, Braking)> = None;
         let mut last = steps.end;
         for step in steps {
@@ -164,8 +169,9 @@ impl<'a> Rest<'a> {
                 let Some(braking) = self.braking_from(state, [least, most], &along(share)) else { continue };
                 let [length, end_speed] = [s + braking.length(), braking.course.end_velocity()];
                 let is_inside = braking.length() > 0.0 && length < self.length() - SAME_POINT_MM;
+                let is_lower = step == 0 || braking.peak <= highest.max(end_speed);
                 let ends = self.ends(length, end_speed, jerk);
-                if is_inside && keeps_limits(&path, ends, &braking.course, s) {
+                if is_inside && is_lower && keeps_limits(&path, ends, &braking.course, s) {
                     let over_s = t_s + braking.course.duration();
                     if found.as_ref().is_none_or(|&(_, least_s, _)| over_s < least_s) {
                         // A harder one may be possible a little later.
