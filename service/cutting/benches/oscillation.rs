@@ -55,6 +55,7 @@ fn floor(criterion: &mut Criterion) {
         clockwise: true,
         depth_mm: 1.0,
         engagement_deg: [-90.0, 90.0],
+        incline_deg: 0.0,
     };
     let Some(oscillation) = ToolOscillation::new(&tool, &condition(), 1, 1) else { return };
     // One second of cutting: 10 mm of feed over the whole width of the tool, by the front and the trailing half.

@@ -9,7 +9,7 @@ const PLACES: u32 = 512;
 /// How far an oscillation moves the tool from an element at most.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Reach {
-    /// Along the feed and across it in the work plane, and along Z, mm.
+    /// Along the feed, across it in the work plane, and along Z, of a tool that stands along Z, mm.
     InPlane { feed_mm: f64, cross_mm: f64, axial_mm: f64 },
     /// Of a guided tool, by linear axis, mm.
     Guided([(Axis, f64); 3]),
@@ -21,7 +21,9 @@ impl Reach {
         let mut extent = element.extent();
         match *self {
             Self::InPlane { feed_mm, cross_mm, axial_mm } => {
-                let most = [(Axis::X, feed_mm + cross_mm), (Axis::Y, feed_mm + cross_mm), (Axis::Z, axial_mm)];
+                // Where the path climbs, Z has a part of the offset along the feed.
+                let most = [feed_mm + cross_mm, feed_mm + cross_mm, axial_mm + feed_mm];
+                let most = core::array::from_fn::<_, 3, _>(|axis| ([Axis::X, Axis::Y, Axis::Z][axis], most[axis]));
                 widen(&mut extent, &most);
             }
             Self::Guided(axes) => widen(&mut extent, &axes),
@@ -43,15 +45,20 @@ impl Reach {
         for place in 0..=places {
             let s = element.length * f64::from(place) / f64::from(places);
             let tangent = element.tangent(s);
-            let [along_x, along_y] = [Axis::X, Axis::Y].map(|axis| tangent[axis.index()]);
+            let [along_x, along_y, along_z] = [Axis::X, Axis::Y, Axis::Z].map(|axis| tangent[axis.index()].abs());
             let in_plane = libm::hypot(along_x, along_y);
             if in_plane == 0.0 {
                 continue;
             }
-            let [along_x, along_y] = [along_x, along_y].map(|share| share.abs() / in_plane);
-            let offsets =
-                [(Axis::X, feed_mm * along_x + cross_mm * along_y), (Axis::Y, feed_mm * along_y + cross_mm * along_x)];
-            for (axis, offset_mm) in offsets {
+            let length = libm::hypot(in_plane, along_z);
+            let offset = |along: f64, beside: f64| feed_mm * along / length + cross_mm * beside / in_plane;
+            let offsets = [
+                (Axis::X, offset(along_x, along_y)),
+                (Axis::Y, offset(along_y, along_x)),
+                (Axis::Z, axial_mm + feed_mm * along_z / length),
+            ];
+            let climbs = along_z > 0.0;
+            for (axis, offset_mm) in offsets.into_iter().take(if climbs { 3 } else { 2 }) {
                 let mut at = [0.0];
                 element.fill_axis(axis, &[s], &mut at);
                 let index = axis.index();

@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "every test file uses its part")]
 
 pub mod changes;
+pub mod course;
 pub mod cures;
 pub mod machines;
 pub mod measured;

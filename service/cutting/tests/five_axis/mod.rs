@@ -13,6 +13,7 @@ mod offsets;
 mod on_path;
 mod oscillation;
 mod oscillation_kinds;
+mod oscillation_ramps;
 mod planes;
 mod poles;
 mod refusals;

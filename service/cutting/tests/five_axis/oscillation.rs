@@ -79,7 +79,6 @@ fn a_setpoint_less_its_offset_is_on_the_segment() {
             moved.linear_mm[place] += 1.0;
             dot(sub(tip_of(&moved), tip_of(&joints)), along_work)
         });
-        let in_plane = seen[0].hypot(seen[1]);
         let azimuth_deg = libm::atan2(seen[1], seen[0]).to_degrees();
         let along_mm = setpoints.path[index] - base_mm;
         let share = blend(along_mm / RAMP_MM) * blend((length_mm - along_mm) / RAMP_MM);
@@ -88,9 +87,9 @@ fn a_setpoint_less_its_offset_is_on_the_segment() {
         assert!((setpoints.vibration[index] - share * offset.feed_mm).abs() < 1e-8);
         off_path += u32::from(distance(tip_of(&joints), START, END) > 1e-3);
         let commanded = [
-            joints.linear_mm[0] - share * offset.feed_mm * seen[1] / in_plane,
-            joints.linear_mm[1] - share * offset.feed_mm * seen[0] / in_plane,
-            joints.linear_mm[2] - share * offset.retraction_mm,
+            joints.linear_mm[0] - share * offset.feed_mm * seen[1],
+            joints.linear_mm[1] - share * offset.feed_mm * seen[0],
+            joints.linear_mm[2] - share * (offset.feed_mm * seen[2] + offset.retraction_mm),
         ];
         let tip = tip_of(&JointValues { linear_mm: commanded, ..joints });
         let off = distance(tip, START, END);

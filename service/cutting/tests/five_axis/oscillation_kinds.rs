@@ -14,7 +14,7 @@ use crate::common::machines::{config_of, direction_at, kinds, kinematics, poses,
 use crate::common::{Setpoints, resume, run, snapshots, validate};
 
 /// The machine with an oscillating tool 1.
-fn oscillating(description: KinematicsDescription) -> PipelineConfig {
+pub fn oscillating(description: KinematicsDescription) -> PipelineConfig {
     let mut config = config_of(description);
     let named = NamedCondition {
         name: "face".to_owned(),
@@ -28,17 +28,17 @@ fn oscillating(description: KinematicsDescription) -> PipelineConfig {
     config
 }
 
-const START: Vec3 = [0.0, 0.0, 20.0];
+pub const START: Vec3 = [0.0, 0.0, 20.0];
 
 /// The coordinate axes by how far they are across the tool at these angles: the best one first.
-fn across(config: &PipelineConfig, rotary_deg: [f64; 2]) -> [usize; 3] {
+pub fn across(config: &PipelineConfig, rotary_deg: [f64; 2]) -> [usize; 3] {
     let tool = direction_at(config, rotary_deg);
     let mut axes = [0, 1, 2];
     axes.sort_by(|&a, &b| tool[a].abs().total_cmp(&tool[b].abs()));
     axes
 }
 
-fn program(config: &PipelineConfig, cut: &str) -> String {
+pub fn program(config: &PipelineConfig, cut: &str) -> String {
     let [l, m] = kinematics(config).letters().1.map(Axis::letter);
     format!(
         "T1 M6\nM3 S600\nG43.4 H1\nG0 X0 Y0 Z20 {l}10 {m}-20\nG202 P1 D1\n{cut} {l}14 {m}-25 F600\nG203\nG49\nM30\n"
@@ -54,7 +54,7 @@ fn turned(line: Vec3, angle_rad: f64, v: Vec3) -> Vec3 {
 }
 
 /// Asserts that every setpoint of line 6, which is `length_mm` long, is its place on the path with the offset of the formula.
-fn follows_the_formula(
+pub fn follows_the_formula(
     name: &str,
     setpoints: &Setpoints,
     config: &PipelineConfig,
@@ -69,7 +69,8 @@ fn follows_the_formula(
     // Where a direction of the spindle is on the work, by turning it about the one line, then about the other.
     let carried = |v: Vec3, rotary_rad: [f64; 2]| turned(lines[0], rotary_rad[0], turned(lines[1], rotary_rad[1], v));
     let letters = kinematics(config).letters().1;
-    let oscillation = ToolOscillation::new(&geometry(), &condition(), 1, 1).expect("possible");
+    let condition = &config.profile.tool_oscillation[0].condition;
+    let oscillation = ToolOscillation::new(&geometry(), condition, 1, 1).expect("possible");
     let poses = poses(setpoints, config);
     let cut: Vec<usize> = (0..setpoints.len()).filter(|&row| setpoints.line[row] == 6).collect();
     let base_mm = setpoints.path[*cut.last().expect("a cut")] - length_mm;
@@ -80,12 +81,13 @@ fn follows_the_formula(
         let along_mm = setpoints.path[row] - base_mm;
         let (place, tangent) = path(along_mm);
         let tool = poses[row].direction;
-        let feed = unit(add_scaled(tangent, tool, -dot(tangent, tool))).expect("not along the tool");
         let [along, beside] = [first, second].map(|v| dot(tangent, carried(v, rotary_rad)));
         let azimuth = libm::atan2(beside, along);
         let offset = oscillation.offset((setpoints.spindle[row] + azimuth.to_degrees()) / 360.0);
         let share = blend(along_mm / RAMP_MM) * blend((length_mm - along_mm) / RAMP_MM);
-        let moved = scale(add(scale(feed, offset.feed_mm), scale(tool, offset.retraction_mm)), share);
+        let beside_mm = scale(unit(cross(tangent, tool)).expect("not along the tool"), offset.cross_mm);
+        let in_feed_and_axis_mm = add(scale(tangent, offset.feed_mm), scale(tool, offset.retraction_mm));
+        let moved = scale(add(in_feed_and_axis_mm, beside_mm), share);
         let off_mm = norm(sub(poses[row].tip_mm, add(place, moved)));
         assert!(off_mm < 1e-9, "{name}: setpoint {row}: {off_mm:e} mm off the formula");
         assert!((setpoints.vibration[row] - share * offset.feed_mm).abs() < 1e-9);

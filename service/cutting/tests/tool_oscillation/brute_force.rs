@@ -43,6 +43,7 @@ fn cut(clockwise: bool) -> OscillationCut {
         clockwise,
         depth_mm: 0.5,
         engagement_deg: [-90.0, 90.0],
+        incline_deg: 0.0,
     }
 }
 

@@ -5,6 +5,7 @@ mod brute_force;
 mod conditions;
 mod example;
 mod program;
+mod ramps;
 mod request;
 mod speeds;
 mod waveforms;
@@ -43,6 +44,7 @@ fn cut() -> OscillationCut {
         clockwise: true,
         depth_mm: 1.0,
         engagement_deg: [-90.0, 90.0],
+        incline_deg: 0.0,
     }
 }
 

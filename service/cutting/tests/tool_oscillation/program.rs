@@ -15,7 +15,7 @@ const DEPTH_MM: f64 = 1.0;
 /// Two periods of 1 mm.
 const RAMP_MM: f64 = 2.0;
 
-fn config() -> PipelineConfig {
+pub fn config() -> PipelineConfig {
     let mut profile = MachineProfile::mill();
     let named = |number, name: &str| NamedCondition {
         name: name.to_owned(),
@@ -38,7 +38,7 @@ fn config() -> PipelineConfig {
     }
 }
 
-fn program(path: &str) -> String {
+pub fn program(path: &str) -> String {
     format!("G21 G90 G17 G94 T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D{DEPTH_MM}\n{path}\nG203\nM30\n")
 }
 

@@ -65,6 +65,7 @@ fn with<T>(
         clockwise: true,
         depth_mm: 1.0,
         engagement_deg: [-90.0, 90.0],
+        incline_deg: 0.0,
     };
     let limits = DirectionLimits { velocity_mm_per_s: 500.0, acceleration_mm_per_s2: 1e5, jerk_mm_per_s3: 5_000_000.0 };
     let job = OscillationJob {

@@ -198,8 +198,8 @@ feedwave_program::finding_codes! {
 
     "OSC-FLOOR" [OSC_FLOOR: Info] {
         meaning: "the roughness of the floor is not simulated",
-        cause: "The area or its resolution cannot be simulated, or so many different cuts were simulated already that \
-              the rest is left out.",
+        cause: "The area or its resolution cannot be simulated, the path climbs or descends so that the end of the tool is tilted to the \
+              floor, or so many different cuts were simulated already that the rest is left out.",
         cure: "Check `oscillation_floor` of the machine profile, or validate a part of the program.",
         example: words("a program with very many different oscillating cuts"),
     }

@@ -44,6 +44,9 @@ pub enum FloorError {
     /// A length is not positive, or the tool does not sweep the whole area.
     #[error("length, width and resolution of the floor must be positive, and the area within the tool's diameter")]
     Size,
+    /// The path is not square to the tool axis: with the whole end of the tool tilted to it, one half leaves the floor.
+    #[error("the path is inclined by {0:.1} degrees, a floor is simulated where it is square to the tool axis")]
+    Inclined(f64),
     /// More cells than [`MAX_FLOOR_CELLS`].
     #[error("the floor has {0:.0} cells, at most {MAX_FLOOR_CELLS} are simulated: use a coarser resolution")]
     Cells(f64),
@@ -96,6 +99,9 @@ impl HeightField {
         let reach_mm = across_mm.abs() + 0.5 * width_mm;
         if !(is_possible && reach_mm <= tool.radius_mm * (1.0 + ROUNDING) && length_mm.is_finite()) {
             return Err(FloorError::Size);
+        }
+        if cut.incline_deg != 0.0 {
+            return Err(FloorError::Inclined(cut.incline_deg));
         }
         let cells_along = (length_mm / resolution_mm * (1.0 + ROUNDING)).floor();
         let cells_across = (width_mm / resolution_mm * (1.0 + ROUNDING)).floor();

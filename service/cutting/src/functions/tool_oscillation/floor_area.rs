@@ -120,7 +120,14 @@ mod tests {
     use super::*;
 
     fn cut(feed_mm_per_min: f64, engagement_deg: [f64; 2]) -> OscillationCut {
-        OscillationCut { feed_mm_per_min, spindle_rev_per_min: 600.0, clockwise: true, depth_mm: 1.0, engagement_deg }
+        OscillationCut {
+            feed_mm_per_min,
+            spindle_rev_per_min: 600.0,
+            clockwise: true,
+            depth_mm: 1.0,
+            engagement_deg,
+            incline_deg: 0.0,
+        }
     }
 
     #[test]

@@ -29,7 +29,7 @@ pub struct OscillationFollowing {
     /// with which that is worst.
     pub phase_error_deg: f64,
     /// How far the tool leaves its path across the feed because the axes of the plane differ, mm, at most; `None` where a guided
-    /// tool mixes axes that differ, which is not judged.
+    /// tool or an inclined path mixes three axes that differ, which is not judged.
     pub contour_error_mm: Option<f64>,
 }
 
@@ -56,14 +56,14 @@ impl OscillationFollowing {
     /// What arrives; `None` where nothing is stated of the drives.
     pub(super) fn of(job: &OscillationJob<'_>, oscillation: &ToolOscillation, period_s: f64) -> Option<Self> {
         let drives = job.drives.filter(|drives| drives.model.is_stated())?;
-        let (plane, axial): (&[Axis], &[Axis]) = if drives.guided {
-            (&[Axis::X, Axis::Y, Axis::Z], &[Axis::X, Axis::Y, Axis::Z])
-        } else {
-            (&[Axis::X, Axis::Y], &[Axis::Z])
-        };
+        const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+        let (plane, axial): (&[Axis], &[Axis]) =
+            if drives.guided { (&ALL, &ALL) } else { (&[Axis::X, Axis::Y], &[Axis::Z]) };
+        // Where the path climbs or descends, Z has a part of the feed.
+        let feed: &[Axis] = if job.cut.incline_deg == 0.0 { plane } else { &ALL };
         let cross = oscillation.cross.as_ref().map(|cross| (OscillationDirection::Cross, cross, plane));
         let moving = [
-            (OscillationDirection::Feed, &oscillation.feed, plane),
+            (OscillationDirection::Feed, &oscillation.feed, feed),
             (OscillationDirection::Axial, &oscillation.axial, axial),
         ];
         let mut directions = Vec::new();
@@ -76,7 +76,7 @@ impl OscillationFollowing {
         }
         Some(Self {
             phase_error_deg: worst_phase_error_deg(oscillation, &directions),
-            contour_error_mm: contour_error_mm(&drives, plane, oscillation, 1.0 / period_s),
+            contour_error_mm: contour_error_mm(&drives, feed, oscillation, 1.0 / period_s),
             directions,
         })
     }

@@ -7,6 +7,7 @@ use feedwave_program::{Axis, Finding, SourceSpan, SpindleDirection, SpindleSpeed
 
 use super::code;
 use super::feed_direction::{Plunge, turning_per_mm};
+use super::inclination::Slope;
 use super::judgements::Judgements;
 use super::limits::{AxisShares, GuidedLimits, LeftLimits, Shortage, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
 use super::state::ActiveOscillation;
@@ -44,9 +45,10 @@ impl ActiveOscillation {
         if !can_follow(element, feed_mm_per_s, spindle_rev_per_min, inputs.frame.as_ref(), found) {
             return None;
         }
+        let (slope, incline_deg) = Slope::of(inputs.frame.as_ref(), element);
         let shares = match (&element.curve, &inputs.frame) {
             (Curve::FiveAxis(five_axis), Some(frame)) => {
-                let shares = AxisShares::of(frame, element, five_axis);
+                let shares = AxisShares::of(frame, element, five_axis, slope);
                 if shares.is_none() {
                     let message = "the linear axes cannot move the tool in every direction here";
                     found.push(
@@ -57,30 +59,39 @@ impl ActiveOscillation {
                 }
                 shares
             }
-            _ => None,
+            _ => (!slope.is_level()).then(|| AxisShares::upright(element, slope)),
         };
+        self.by_shares = shares.is_some();
         let clockwise = cut.spindle.direction == SpindleDirection::Clockwise;
         let feed_mm_per_min = feed_mm_per_s * 60.0;
         let signed = if clockwise { spindle_rev_per_min } else { -spindle_rev_per_min };
-        if self.judged.is_some_and(|(old_tool, feed, speed)| {
+        let judged = self.judged.filter(|&(old_tool, feed, speed)| {
             // A slower feed is within everything that the faster one was judged by, where no table decides otherwise.
             let is_within = if self.has_tables { feed == feed_mm_per_min } else { feed >= feed_mm_per_min };
             old_tool == inputs.tool && is_within && speed == signed
-        }) {
+        });
+        if judged.is_none() {
+            (self.left, self.guided_left, self.judged_slopes) = (None, None, 0);
+        }
+        let slope_bit = 1 << slope.step();
+        if self.judged_slopes & slope_bit != 0 {
             self.leave_limits(shares, inputs, found);
             return None;
         }
-        self.judged = Some((inputs.tool, feed_mm_per_min, signed));
-        (self.left, self.guided_left) = (None, None);
+        // Another inclination is judged at the feed that the section has.
+        let (.., feed_mm_per_min, _) = *self.judged.insert(judged.unwrap_or((inputs.tool, feed_mm_per_min, signed)));
+        self.judged_slopes |= slope_bit;
         let cutting = OscillationCut {
             feed_mm_per_min,
             spindle_rev_per_min,
             clockwise,
             depth_mm: 0.0,
             engagement_deg: [-90.0, 90.0],
+            incline_deg,
         };
         let limits = shares.map_or_else(|| machine_limits(inputs.machine), |shares| shares.limits(inputs.machine));
-        let place = Place { line: element.source.line, guided: shares.is_some() };
+        let guided = matches!(element.curve, Curve::FiveAxis(_));
+        let place = Place { line: element.source.line, guided };
         let mut report = self.judge(place, cutting, limits, inputs, judgements, found);
         let has_left = self.leave_limits(shares, inputs, found);
         if let Some(report) = report.as_mut().filter(|_| !has_left) {
@@ -90,8 +101,8 @@ impl ActiveOscillation {
         report
     }
 
-    /// Settles what the oscillation leaves of the axes' limits, of a guided tool with these shares of its axes; `false` after a
-    /// finding.
+    /// Settles what the oscillation leaves of the axes' limits, of a guided tool and on a path that climbs with these shares of the axes;
+    /// `false` after a finding.
     fn leave_limits(
         &mut self,
         shares: Option<AxisShares>,
@@ -105,6 +116,7 @@ impl ActiveOscillation {
             clockwise: signed > 0.0,
             depth_mm: 0.0,
             engagement_deg: [-90.0, 90.0],
+            incline_deg: 0.0,
         };
         let mut said = |shortage: Shortage, fits: &dyn Fn(&OscillationRun) -> bool| {
             let feed_per_period_mm = cut.feed_per_rev_mm() / f64::from(run.oscillation.periods_per_rev);

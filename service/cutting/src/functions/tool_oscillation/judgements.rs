@@ -93,6 +93,10 @@ impl Judgements {
         found: &mut Vec<Finding>,
     ) -> Option<FloorArea> {
         let area = settings.area(job.tool, &job.cut)?;
+        if job.cut.incline_deg != 0.0 {
+            // Refused before anything is computed.
+            return Some(area);
+        }
         // With the oscillation, and without it.
         let updates = 2.0 * area.updates(job.tool, &job.cut);
         let fits = self.floors < MAX_FLOORS && self.floor_updates + updates <= MAX_FLOOR_UPDATES;

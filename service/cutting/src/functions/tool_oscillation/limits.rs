@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use feedwave_motion::kinematics::{TipPath, ToolFrame};
-use feedwave_motion::{Element, FiveAxis, Machine, PathLimits};
+use feedwave_motion::{Curve, Element, FiveAxis, Machine, PathLimits};
 use feedwave_program::{Axis, Finding, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::blended::Demand;
 use super::code;
+use super::inclination::{Slope, power_of_two};
 use super::superposition::rotary_rad;
 use super::{DirectionLimits, OscillationCut, OscillationJob, OscillationLimits, OscillationRun, ToolOscillation};
 use crate::shared::reach::Reach;
@@ -64,7 +65,7 @@ pub(crate) struct GuidedLimits {
 }
 
 /// How much of an offset across the tool, and of one along it, each linear axis (in the order of the chain) has at most along an
-/// element: mm by mm, rounded up, so that neighbouring blocks have the same.
+/// element: mm by mm, rounded up, so that neighbouring blocks have the same; and how the feed lies to the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct AxisShares {
     axes: [Axis; 3],
@@ -72,20 +73,19 @@ pub(crate) struct AxisShares {
     /// By how much the directions turn at most, rad for each mm of the path, rounded up to a power of two; infinite where the path
     /// itself is curved.
     turned_rad_per_mm: f64,
+    slope: Slope,
 }
 
 /// Places of an element at which shares are examined.
 const SHARE_PLACES: usize = 16;
 /// Steps in which a share is rounded up.
 const SHARE_STEPS: f64 = 32.0;
-/// Least turn for each mm that is told from none, rad.
-const LEAST_TURN_RAD: f64 = 1.0 / 1_048_576.0;
 /// By how much an element turns faster somewhere than from one examined place to the next at most.
 const UNEVEN_TURN: f64 = 2.0;
 
 impl AxisShares {
     /// Of an element of a guided tool; nothing where the linear axes do not span space.
-    pub(crate) fn of(frame: &ToolFrame, element: &Element, five_axis: &FiveAxis) -> Option<Self> {
+    pub(crate) fn of(frame: &ToolFrame, element: &Element, five_axis: &FiveAxis, slope: Slope) -> Option<Self> {
         let mut shares = [[0.0_f64; 2]; 3];
         let (mut turned_rad, mut before) = (0.0_f64, None);
         let turns = element_turns(element, five_axis);
@@ -114,17 +114,37 @@ impl AxisShares {
         }
         let turned_rad_per_mm = match five_axis.tip() {
             TipPath::Line(_) if !turns => 0.0,
-            TipPath::Line(_) => {
-                let most = UNEVEN_TURN * turned_rad * places as f64 / element.length;
-                let mut rounded = LEAST_TURN_RAD;
-                while rounded < most {
-                    rounded *= 2.0;
-                }
-                rounded
-            }
+            TipPath::Line(_) => power_of_two(UNEVEN_TURN * turned_rad * places as f64 / element.length),
             _ => f64::INFINITY,
         };
-        Some(Self { axes: frame.linear_axes(), shares, turned_rad_per_mm })
+        Some(Self { axes: frame.linear_axes(), shares, turned_rad_per_mm, slope })
+    }
+
+    /// Of an element on which a tool that stands along Z climbs or descends.
+    pub(crate) fn upright(element: &Element, slope: Slope) -> Self {
+        Self {
+            axes: [Axis::X, Axis::Y, Axis::Z],
+            shares: [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+            turned_rad_per_mm: if element.curve == Curve::Line { 0.0 } else { f64::INFINITY },
+            slope,
+        }
+    }
+
+    /// What each axis has of the demands along the feed, across it and along the tool axis.
+    fn demands(&self, [feed, cross, axial]: [Demand; 3], cut: &OscillationCut) -> [Demand; 3] {
+        let Slope { across: feed_across, along: feed_along, change_per_mm } = self.slope;
+        let plane = feed.plus(&cross);
+        // What the changing parts add: as directions that turn, up to the third derivative.
+        let rad_per_rev = change_per_mm * TOP_OVERRIDE * cut.feed_per_rev_mm();
+        let changing = 3.0 * (rad_per_rev / core::f64::consts::TAU).min(TURNING_SHARE);
+        self.shares.map(|[across, along]| {
+            if self.slope.is_level() {
+                return plane.scaled(across).plus(&axial.scaled(along));
+            }
+            let by_parts = (feed_across + changing) * across + (feed_along + changing) * along;
+            let most = by_parts.min(libm::hypot(across, along));
+            feed.scaled(most).plus(&cross.scaled(across)).plus(&axial.scaled(along))
+        })
     }
 
     /// By how much the phase and the directions of the oscillation run faster than on a straight path that does not turn, as a factor.
@@ -162,7 +182,7 @@ fn element_turns(element: &Element, five_axis: &FiveAxis) -> bool {
 impl GuidedLimits {
     /// What `run` leaves of the limits of `machine` on elements with these shares, or which limit it takes whole.
     ///
-    /// As [`left_limits`], but for each linear axis with its share of both directions. The acceleration s'' of the path is not
+    /// As [`left_limits`], but for each linear axis with its share of every direction. The acceleration s'' of the path is not
     /// that of any one axis here, so the path itself is bounded: with R_k what the oscillation leaves of the limit of axis k while
     /// the path does not accelerate, and A_k the axis' amplitude, by the least R_k/(1 + E'·A_k) of all axes; then axis k
     /// has R_k − E'·A_k·s'' left at least. The jerk likewise.
@@ -175,11 +195,10 @@ impl GuidedLimits {
         let period_s = 60.0 / cut.spindle_rev_per_min / f64::from(run.oscillation.periods_per_rev);
         let rate = TOP_OVERRIDE * cut.feed_mm_per_min / 60.0 / run.ramp_mm;
         let oscillation = &run.oscillation;
-        let motions = core::iter::once(&oscillation.feed).chain(&oscillation.cross);
         let turning = shares.turning(cut);
-        let plane = Demand::of(motions, period_s, turning, rate);
-        let axial = Demand::of(core::iter::once(&oscillation.axial), period_s, turning, rate);
-        let demands = shares.shares.map(|[across, along]| plane.scaled(across).plus(&axial.scaled(along)));
+        let of = |motion| Demand::of(core::iter::once(motion), period_s, turning, rate);
+        let cross = oscillation.cross.as_ref().map_or_else(Demand::default, of);
+        let demands = shares.demands([of(&oscillation.feed), cross, of(&oscillation.axial)], cut);
         let mut left = machine.clone();
         let columns = shares.axes.map(|axis| left.axes.iter().position(|own| own.axis == axis));
         let slopes = demands.map(|demand| demand.slope(run.ramp_mm));
@@ -241,11 +260,17 @@ impl GuidedLimits {
         self.shares == *shares
     }
 
-    pub(crate) fn left_over(&self, run: &OscillationRun) -> LeftOver {
+    /// Of a tool that is guided, or stands along Z.
+    pub(crate) fn left_over(&self, run: &OscillationRun, guided: bool) -> LeftOver {
         let [feed_mm, cross_mm, axial_mm] = run.amplitudes_mm();
-        let AxisShares { axes, shares, .. } = self.shares;
-        let most = |[across, along]: [f64; 2]| across * libm::hypot(feed_mm, cross_mm) + along * axial_mm;
-        let reach = Reach::Guided(core::array::from_fn(|k| (axes[k], most(shares[k]))));
+        let AxisShares { axes, shares, slope, .. } = self.shares;
+        let in_plane_mm = libm::hypot(slope.across * feed_mm, cross_mm);
+        let most = |[across, along]: [f64; 2]| across * in_plane_mm + along * (axial_mm + slope.along * feed_mm);
+        let reach = if guided {
+            Reach::Guided(core::array::from_fn(|k| (axes[k], most(shares[k]))))
+        } else {
+            Reach::InPlane { feed_mm, cross_mm, axial_mm }
+        };
         LeftOver { machine: Arc::clone(&self.machine), path: Some(self.path), reach }
     }
 }
@@ -445,6 +470,13 @@ pub(super) fn leaves_feed(
     let motions = core::iter::once(&oscillation.feed).chain(&oscillation.cross);
     let plane = Demand::of(motions, period_s, GUIDED_TURNING_FACTOR, rate);
     let axial = Demand::of(core::iter::once(&oscillation.axial), period_s, GUIDED_TURNING_FACTOR, rate);
+    let climbs = cut.incline_deg != 0.0;
+    let axial = if climbs {
+        let feed = Demand::of(core::iter::once(&oscillation.feed), period_s, GUIDED_TURNING_FACTOR, rate);
+        axial.plus(&feed.scaled(libm::sin(cut.incline_deg.to_radians())))
+    } else {
+        axial
+    };
     // Shares of velocity, acceleration and jerk.
     let shares = |demand: &Demand, limits: DirectionLimits| {
         let [velocity, acceleration, jerk] = demand.steady;

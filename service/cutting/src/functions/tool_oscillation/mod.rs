@@ -15,6 +15,7 @@ mod findings;
 mod floor;
 mod floor_area;
 mod following;
+mod inclination;
 mod judgement;
 mod judgements;
 mod limits;

@@ -4,8 +4,8 @@
 //! p(τ) = p_cmd + E·(u(τ)·x̂ + y(τ)·(x̂×ẑ) + w(τ)·ẑ)
 //! ```
 //!
-//! x̂ is the feed direction and ẑ the tool axis, τ the phase in turns, E the blend at the ends. **w is positive where the
-//! tool is retracted**; the protrusion is −w.
+//! x̂ is the feed direction, the unit tangent of the path in space, and ẑ the tool axis, τ the phase in turns, E the blend at the
+//! ends. x̂×ẑ stands for its unit vector. **w is positive where the tool is retracted**; the protrusion is −w.
 
 use serde::{Deserialize, Serialize};
 

@@ -4,11 +4,12 @@
 //! behind its front and above its end. Fronts lie at
 //!
 //! ```text
-//! x_j = (feed·turns_j + u)·cos β ± y·sin β + radial set-over,     z_j = w − axial set-over
+//! x_j = c·(feed·turns_j + u)·cos β ± y·sin β + radial set-over,     z_j = w − axial set-over
 //! ```
 //!
 //! measured from the nominal radius about the commanded centre at the first edge's pass, z above the commanded end of the
-//! tool. The tool's turning by β while the centre goes on moves every front alike and the slight turn of the radius by
+//! tool. On a path inclined by γ, c = cos γ of the feed and of u is across the tool. Their parts along the axis do not count: heights are
+//! above the inclined path, which u never leaves, and so a revolution is as the one before there, too. The tool's turning by β while the centre goes on moves every front alike and the slight turn of the radius by
 //! the offsets is of second order (u²/2R, 1 µm at 0.4 mm and R = 60 mm); both are left out. As everything repeats with the revolution, the
 //! front that a pass meets is the foremost of the last passes that went at least as deep: no steps in time are needed.
 
@@ -35,6 +36,8 @@ pub struct OscillationCut {
     /// Azimuths between which the tool is in the work, degrees from the feed direction in the direction of rotation, within
     /// ±90: a full slot is −90 to 90.
     pub engagement_deg: [f64; 2],
+    /// Inclination of the path to the plane square to the tool axis, degrees, 0 to less than 90: 0 on a level cut.
+    pub incline_deg: f64,
 }
 
 impl OscillationCut {
@@ -42,6 +45,12 @@ impl OscillationCut {
     #[must_use]
     pub fn feed_per_rev_mm(&self) -> f64 {
         self.feed_mm_per_min / self.spindle_rev_per_min
+    }
+
+    /// How much of the path is across the tool: the cosine of the inclination.
+    #[must_use]
+    pub fn share_across(&self) -> f64 {
+        libm::cos(self.incline_deg.to_radians())
     }
 }
 
@@ -124,7 +133,8 @@ pub fn plane_section(
     let (sin, cos) = libm::sincos(azimuth_deg.to_radians());
     // Clockwise rotation turns from the feed direction to its right, which is feed direction × tool axis.
     let across = if cut.clockwise { sin } else { -sin };
-    let per_rev_mm = cut.feed_per_rev_mm();
+    let share_across = cut.share_across();
+    let per_rev_mm = cut.feed_per_rev_mm() * share_across;
     let mut passes: Vec<EdgePass> = tool
         .edges
         .iter()
@@ -134,7 +144,9 @@ pub fn plane_section(
             let progress_mm = per_rev_mm * tool.turns_behind_first(index);
             EdgePass {
                 offset,
-                front_mm: (progress_mm + offset.feed_mm) * cos + offset.cross_mm * across + edge.radial_set_over_mm,
+                front_mm: (progress_mm + offset.feed_mm * share_across) * cos
+                    + offset.cross_mm * across
+                    + edge.radial_set_over_mm,
                 end_mm: offset.retraction_mm - edge.axial_set_over_mm,
                 layers: Vec::new(),
                 above_edge_mm: 0.0,

@@ -25,7 +25,7 @@ pub struct DirectionLimits {
 /// What the machine can do in the directions of the oscillation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OscillationLimits {
-    /// Along the feed, and across it: the weaker axis of the work plane where the feed direction turns.
+    /// Across the tool, along the feed of a level cut and across it: the weaker axis of the work plane where the feed direction turns.
     pub plane: DirectionLimits,
     /// Along the tool axis.
     pub axial: DirectionLimits,
@@ -183,12 +183,12 @@ pub struct RoleReport {
     pub changes: u64,
 }
 
-/// An oscillation of a program at one feed and spindle speed.
+/// An oscillation of a program at one feed and spindle speed, and about one inclination of the path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OscillationSectionReport {
     /// Line that switches it on.
     pub on_line: u32,
-    /// Line of the first block at this feed and spindle speed.
+    /// Line of the first block at this feed, spindle speed and inclination.
     pub line: u32,
     /// Tool number.
     pub tool: u32,
@@ -304,7 +304,11 @@ fn load(
     motion: &DirectionMotion,
     period_s: f64,
 ) -> DirectionLoad {
-    let limits = if direction == OscillationDirection::Axial { job.limits.axial } else { job.limits.plane };
+    let limits = match direction {
+        OscillationDirection::Axial => job.limits.axial,
+        OscillationDirection::Cross => job.limits.plane,
+        OscillationDirection::Feed => feed_limits(job),
+    };
     let peaks = motion.peaks(period_s);
     let feed = if direction == OscillationDirection::Feed { job.cut.feed_mm_per_min / 60.0 } else { 0.0 };
     let velocity_with_feed_mm_per_s = peaks.velocity_mm_per_s + feed;
@@ -318,5 +322,25 @@ fn load(
         velocity_with_feed_mm_per_s,
         limits,
         utilisation,
+    }
+}
+
+/// What the machine can do along the feed. On an inclined path the plane has the cosine of it and the tool axis the sine; where one axis
+/// may have a part of both, they are counted together.
+fn feed_limits(job: &OscillationJob<'_>) -> DirectionLimits {
+    let OscillationLimits { plane, axial } = job.limits;
+    if job.cut.incline_deg == 0.0 {
+        return plane;
+    }
+    let (along, across) = libm::sincos(job.cut.incline_deg.to_radians());
+    let together = job.drives.is_some_and(|drives| drives.guided);
+    let limit = |plane: f64, axial: f64| {
+        let [plane, axial] = [across / plane, along / axial];
+        1.0 / if together { plane + axial } else { plane.max(axial) }
+    };
+    DirectionLimits {
+        velocity_mm_per_s: limit(plane.velocity_mm_per_s, axial.velocity_mm_per_s),
+        acceleration_mm_per_s2: limit(plane.acceleration_mm_per_s2, axial.acceleration_mm_per_s2),
+        jerk_mm_per_s3: limit(plane.jerk_mm_per_s3, axial.jerk_mm_per_s3),
     }
 }

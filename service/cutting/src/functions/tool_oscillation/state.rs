@@ -78,13 +78,17 @@ pub(super) struct ActiveOscillation {
     pub(super) refused: bool,
     /// What it was judged at last: tool, feed (mm/min), spindle speed (rev/min, negative counter-clockwise).
     pub(super) judged: Option<(u32, f64, f64)>,
+    /// For which inclinations of the path, a bit for each of [`super::inclination::Slope::step`].
+    pub(super) judged_slopes: u64,
     /// Whether the condition depends on feed and speed.
     pub(super) has_tables: bool,
     /// What the generator gets, and what the axes have left.
     pub(super) run: Option<Box<OscillationRun>>,
     pub(super) left: Option<LeftLimits>,
-    /// What they have left on the present element of a guided tool.
+    /// What they have left on the present element of a guided tool, or on one that climbs or descends.
     pub(super) guided_left: Option<GuidedLimits>,
+    /// Whether that is what counts on the present element.
+    pub(super) by_shares: bool,
     open: Option<OpenSection>,
 }
 
@@ -149,10 +153,12 @@ impl ActiveOscillation {
             cutting_time_before_s,
             refused,
             judged: None,
+            judged_slopes: 0,
             has_tables: false,
             run: None,
             left: None,
             guided_left: None,
+            by_shares: false,
             open: None,
         }
     }
@@ -166,9 +172,12 @@ impl ActiveOscillation {
     ) -> Option<LeftOver> {
         let run = self.run.as_ref()?;
         let left = match element.curve {
-            Curve::FiveAxis(_) => self.guided_left.as_ref()?.left_over(run),
+            _ if self.by_shares => {
+                let guided = matches!(element.curve, Curve::FiveAxis(_));
+                self.guided_left.as_ref()?.left_over(run, guided)
+            }
             Curve::Line => LeftOver::of_machine(&self.left.as_ref()?.straight, run),
-            Curve::Arc(_) | Curve::Spline(_) => LeftOver::of_machine(&self.left.as_ref()?.curved, run),
+            _ => LeftOver::of_machine(&self.left.as_ref()?.curved, run),
         };
         if self.open.is_none() {
             let run = Box::new(OscillationRun { frame, ..(**run).clone() });

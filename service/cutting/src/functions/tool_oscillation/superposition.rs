@@ -12,6 +12,7 @@ use feedwave_motion::{Arc, Curve, Element, FiveAxis, sincos_turns};
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
+use super::inclination::FeedDirection;
 use super::{DirectionMotion, ToolOscillation, ramp_mm};
 use crate::shared::blend::BlendedPath;
 use crate::shared::columns::{ColumnMap, Samples};
@@ -64,10 +65,12 @@ pub(crate) struct OscillationScratch {
     offset: Vec<f64>,
     /// Share of the oscillation, 0 to 1.
     share: Vec<f64>,
-    /// Feed direction in X and Y.
+    /// ĥ: the feed direction in X and Y, square to the tool axis.
     direction: [Vec<f64>; 2],
-    /// Offsets of a guided tool, in its own directions, mm.
-    guided: [Vec<f64>; 3],
+    /// c and s: how much of the feed direction lies along ĥ, and along the tool axis.
+    slope: [Vec<f64>; 2],
+    /// Offsets in the tool's own directions, mm.
+    own: [Vec<f64>; 3],
 }
 
 impl OscillationScratch {
@@ -78,7 +81,8 @@ impl OscillationScratch {
             offset: column(),
             share: column(),
             direction: [column(), column()],
-            guided: [column(), column(), column()],
+            slope: [column(), column()],
+            own: [column(), column(), column()],
         }
     }
 }
@@ -118,12 +122,12 @@ impl OscillationRun {
         if let (Curve::FiveAxis(five_axis), Some(frame)) = (&at.element.curve, &self.frame) {
             self.superpose_guided(at, five_axis, frame, scratch, block, start);
         } else {
-            self.superpose_in_plane(at, scratch, block, start);
+            self.superpose_upright(at, scratch, block, start);
         }
     }
 
-    /// Along the feed in the work plane, across it, and along Z.
-    fn superpose_in_plane<B>(
+    /// Along the feed, across it in the work plane, and along Z.
+    fn superpose_upright<B>(
         &self,
         at: &Samples<'_, B>,
         scratch: &mut OscillationScratch,
@@ -132,14 +136,22 @@ impl OscillationRun {
     ) {
         let (columns, count) = (at.columns, at.s.len());
         let angles_deg = &block.spindle_angle_deg[start..start + count];
-        self.fill_direction_and_phase(at.element, at.s, angles_deg, scratch);
-        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], .. } = scratch;
+        let climbs = self.fill_direction_and_phase(at.element, at.s, angles_deg, scratch);
+        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], slope, own: [.., axial] } =
+            scratch;
         let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
         let (along_x, along_y) = (&mut along_x[..count], &mut along_y[..count]);
 
-        // Along the feed.
+        // Along the feed: c of it in the plane, and s along Z.
         self.fill_offset(&self.oscillation.feed, turns, share, offset);
         block.vibration_offset_mm[start..start + count].copy_from_slice(offset);
+        if climbs {
+            let [across, along] = slope;
+            for (k, value) in offset.iter_mut().enumerate() {
+                axial[k] = *value * along[k];
+                *value *= across[k];
+            }
+        }
         for (map, column) in columns.iter().zip(&mut block.axes) {
             let column = &mut column[start..start + count];
             match map.axis {
@@ -162,6 +174,11 @@ impl OscillationRun {
         }
         // Along the tool axis, positive away from the work.
         self.fill_offset(&self.oscillation.axial, turns, share, offset);
+        if climbs {
+            for (value, climbed) in offset.iter_mut().zip(&*axial) {
+                *value += climbed;
+            }
+        }
         for (map, column) in columns.iter().zip(&mut block.axes) {
             if map.axis == Axis::Z {
                 for (value, offset) in column[start..start + count].iter_mut().zip(&*offset) {
@@ -184,12 +201,12 @@ impl OscillationRun {
     ) {
         let Samples { columns, element, s, .. } = *at;
         let count = s.len();
-        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], guided: [x, y, z] } = scratch;
+        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], slope, own: [x, y, z] } = scratch;
         let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
         let rotation = if self.clockwise { 1.0 } else { -1.0 };
         for (k, &s) in s.iter().enumerate() {
-            let seen = seen_by_tool(frame, element, five_axis, s);
-            [along_x[k], along_y[k]] = unit(seen[0], seen[1]);
+            let feed = FeedDirection::of(seen_by_tool(frame, element, five_axis, s));
+            ([along_x[k], along_y[k]], slope[0][k], slope[1][k]) = (feed.plane, feed.across, feed.along);
             let feed_turns = -rotation * libm::atan2(along_y[k], along_x[k]) / TAU;
             let spindle_turns = rotation * block.spindle_angle_deg[start + k] / 360.0;
             turns[k] = self.oscillation.phase_turns(spindle_turns, feed_turns);
@@ -197,7 +214,8 @@ impl OscillationRun {
         self.fill_offset(&self.oscillation.feed, turns, share, offset);
         block.vibration_offset_mm[start..start + count].copy_from_slice(offset);
         for k in 0..count {
-            (x[k], y[k]) = (offset[k] * along_x[k], offset[k] * along_y[k]);
+            let in_plane_mm = offset[k] * slope[0][k];
+            (x[k], y[k], z[k]) = (in_plane_mm * along_x[k], in_plane_mm * along_y[k], offset[k] * slope[1][k]);
         }
         if let Some(cross) = &self.oscillation.cross {
             self.fill_offset(cross, turns, share, offset);
@@ -207,7 +225,9 @@ impl OscillationRun {
             }
         }
         self.fill_offset(&self.oscillation.axial, turns, share, offset);
-        z[..count].copy_from_slice(offset);
+        for (z, offset) in z.iter_mut().zip(&*offset) {
+            *z += offset;
+        }
         let is_of_work = columns.iter().any(ColumnMap::is_of_work);
         for (k, &s) in s.iter().enumerate() {
             let (own, rotary_rad) = ([x[k], y[k], z[k]], rotary_rad(element, five_axis, s));
@@ -235,28 +255,34 @@ impl OscillationRun {
         if path.is_whole(s) { share.fill(1.0) } else { path.fill_share(s, share) }
     }
 
+    /// The feed direction by its parts, and the phase; whether the feed has a part along the tool axis.
     fn fill_direction_and_phase(
         &self,
         element: &Element,
         s: &[f64],
         angles_deg: &[f64],
         scratch: &mut OscillationScratch,
-    ) {
-        let OscillationScratch { turns, direction: [along_x, along_y], .. } = scratch;
+    ) -> bool {
+        let OscillationScratch {
+            turns, direction: [along_x, along_y], slope: [across, along], own: [.., rising], ..
+        } = scratch;
+        let (across, along, rising) = (&mut across[..s.len()], &mut along[..s.len()], &mut rising[..s.len()]);
         let (turns, along_x, along_y) = (&mut turns[..s.len()], &mut along_x[..s.len()], &mut along_y[..s.len()]);
         // The spindle angle counts down where it turns counter-clockwise; azimuths from X to Y are counter-clockwise.
         let rotation = if self.clockwise { 1.0 } else { -1.0 };
         let feed_turns = |x: f64, y: f64| -rotation * libm::atan2(y, x) / TAU;
         if element.curve == Curve::Line {
-            let tangent = element.tangent(0.0);
-            let [x, y] = unit(tangent[Axis::X.index()], tangent[Axis::Y.index()]);
+            let feed = upright(element);
+            let [x, y] = feed.plane;
             let feed_turns = feed_turns(x, y);
             along_x.fill(x);
             along_y.fill(y);
+            across.fill(feed.across);
+            along.fill(feed.along);
             for (turns, angle_deg) in turns.iter_mut().zip(angles_deg) {
                 *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, feed_turns);
             }
-            return;
+            return feed.along != 0.0;
         }
         if let Curve::Arc(arc) = &element.curve
             && let Some(heading) = Heading::of(arc, element.length)
@@ -268,14 +294,24 @@ impl OscillationRun {
                 (*y, *x) = sincos_turns(heading);
                 *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, -rotation * heading);
             }
-            return;
+            // A helix climbs evenly.
+            let feed = upright(element);
+            across.fill(feed.across);
+            along.fill(feed.along);
+            return feed.along != 0.0;
         }
         element.fill_tangent(Axis::X, s, along_x);
         element.fill_tangent(Axis::Y, s, along_y);
-        for (((x, y), turns), angle_deg) in along_x.iter_mut().zip(along_y).zip(turns).zip(angles_deg) {
-            [*x, *y] = unit(*x, *y);
-            *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, feed_turns(*x, *y));
+        element.fill_tangent(Axis::Z, s, rising);
+        let mut climbs = false;
+        for (k, angle_deg) in angles_deg.iter().enumerate() {
+            let feed = FeedDirection::of([along_x[k], along_y[k], rising[k]]);
+            [along_x[k], along_y[k]] = feed.plane;
+            (across[k], along[k]) = (feed.across, feed.along);
+            climbs |= feed.along != 0.0;
+            turns[k] = self.oscillation.phase_turns(rotation * angle_deg / 360.0, feed_turns(along_x[k], along_y[k]));
         }
+        climbs
     }
 
     fn fill_offset(&self, motion: &DirectionMotion, turns: &mut [f64], share: &[f64], offset: &mut [f64]) {
@@ -286,6 +322,9 @@ impl OscillationRun {
     }
 }
 
+/// Change of the angle outwards along an arc that its heading leaves out, rad.
+const EVEN_RAD: f64 = 1e-11;
+
 /// Azimuth of the path on an arc in the work plane, turns from X to Y: it changes evenly.
 struct Heading {
     start_turns: f64,
@@ -293,14 +332,17 @@ struct Heading {
 }
 
 impl Heading {
-    /// `None` for an arc in another plane.
+    /// `None` for an arc in another plane, and where the radius changes by more than rounding of the program: the path then does not
+    /// go outwards by the same angle everywhere.
     fn of(arc: &Arc, length_mm: f64) -> Option<Self> {
-        if (arc.first, arc.second) != (Axis::X, Axis::Y) {
+        let outwards_mm = arc.end_radius_mm - arc.start_radius_mm;
+        let least_mm = arc.start_radius_mm.min(arc.end_radius_mm);
+        let is_even = outwards_mm * outwards_mm <= EVEN_RAD * arc.sweep_rad.abs() * least_mm * least_mm;
+        if (arc.first, arc.second) != (Axis::X, Axis::Y) || !is_even {
             return None;
         }
-        // Where the radius changes, the path goes outwards by nearly the same angle everywhere.
         let around_mm = 0.5 * (arc.start_radius_mm + arc.end_radius_mm) * arc.sweep_rad.abs();
-        let outwards_rad = libm::atan2(arc.end_radius_mm - arc.start_radius_mm, around_mm);
+        let outwards_rad = libm::atan2(outwards_mm, around_mm);
         let side = arc.sweep_rad.signum();
         let start_rad = arc.start_angle_rad + side * (0.25 * TAU - outwards_rad);
         Some(Self { start_turns: start_rad / TAU, per_mm: arc.sweep_rad / TAU / length_mm })
@@ -313,8 +355,8 @@ fn add(column: &mut [f64], sign: f64, offset: &[f64], direction: &[f64]) {
     }
 }
 
-/// The direction in the work plane; X where there is none, which the builder refuses.
-fn unit(x: f64, y: f64) -> [f64; 2] {
-    let length = (x * x + y * y).sqrt();
-    if length > 0.0 { [x / length, y / length] } else { [1.0, 0.0] }
+/// The feed direction of a tool that stands along Z, where the element starts.
+fn upright(element: &Element) -> FeedDirection {
+    let tangent = element.tangent(0.0);
+    FeedDirection::of([Axis::X, Axis::Y, Axis::Z].map(|axis| tangent[axis.index()]))
 }

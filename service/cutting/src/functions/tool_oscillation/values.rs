@@ -56,6 +56,7 @@ pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
     check("depth", cut.depth_mm, 0.0, 1_000.0, "mm");
     check("start of the engagement", cut.engagement_deg[0], -90.0, 90.0, "deg");
     check("end of the engagement", cut.engagement_deg[1], cut.engagement_deg[0].clamp(-90.0, 90.0), 90.0, "deg");
+    check("inclination of the path", cut.incline_deg, 0.0, 90.0, "deg");
     if let Engagement::Width { width_mm, .. } = condition.engagement {
         check("width of the engagement", width_mm, 1e-3, 2.0 * job.tool.radius_mm, "mm");
     }
