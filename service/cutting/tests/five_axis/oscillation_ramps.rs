@@ -75,7 +75,7 @@ fn a_leaning_tool_never_leaves_its_line_by_the_feed_alone() {
         let setpoints = accepted(name, &program.replace("D1", "D1 A0.4 Q0"), &config);
         let poses = poses(&setpoints, &config);
         let rows = (0..setpoints.len()).filter(|&row| setpoints.line[row] == 6);
-        let base_mm = setpoints.path[rows.clone().last().expect("a cut")] - length_mm;
+        let base_mm = setpoints.path[rows.clone().next_back().expect("a cut")] - length_mm;
         let mut swung_mm = 0.0_f64;
         for row in rows {
             let from = sub(poses[row].tip_mm, START);
