@@ -11,6 +11,7 @@ mod labels;
 mod line;
 mod macro_b;
 mod o_words;
+mod programs;
 mod targets;
 mod values;
 mod whole_lines;
