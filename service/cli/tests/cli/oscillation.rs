@@ -135,7 +135,8 @@ fn a_head_that_turns_the_tool_oscillates_it_along_feed_and_tool_axis() {
             let across =
                 std::array::from_fn(|k| feed[(k + 1) % 3] * axis[(k + 2) % 3] - feed[(k + 2) % 3] * axis[(k + 1) % 3]);
             let turns = (spindle / 360.0 - cut.later_turns).rem_euclid(1.0);
-            // Numbers of the program have three digits: the crest is square to the tool within 3e-7 rad.
+            // Numbers of the program have three digits: the crest is square to the tool within 1e-6 rad, and the offset along it has that part
+            // along the tool.
             let along = dot(offset, feed) - 0.4 * (TAU * turns).sin();
             assert!(along.abs() < 1e-6 && dot(offset, across).abs() < 1e-9, "line {}, {s} mm: {offset:?}", cut.line);
             let axial = dot(offset, axis);
@@ -146,7 +147,7 @@ fn a_head_that_turns_the_tool_oscillates_it_along_feed_and_tool_axis() {
             } else {
                 axial.clamp(-0.03, 0.03)
             };
-            assert!((axial - held).abs() < 1e-9, "line {}, {s} mm: {axial} along the axis", cut.line);
+            assert!((axial - held).abs() < 5e-7, "line {}, {s} mm: {axial} along the axis", cut.line);
         }
         assert!(whole > 18_000, "line {}: {whole}", cut.line);
     }
