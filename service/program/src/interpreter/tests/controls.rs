@@ -42,7 +42,7 @@ fn g95_of_a_haas_lathe_taps() {
 #[test]
 fn g5_of_a_haas_lathe_is_no_spline() {
     for block in ["G5 C90. F10", "G05 R-10. F1.", "G5 X20 P1 Q1"] {
-        assert!(render(&format!("M3 S500\n{block}"), &haas(lathe())).contains("PRG-UNSUPPORTED-CODE"), "{block}");
+        assert!(render(format!("M3 S500\n{block}"), &haas(lathe())).contains("PRG-UNSUPPORTED-CODE"), "{block}");
     }
 }
 
