@@ -200,7 +200,7 @@ export const run = (place, store, name) => {
     setAttribute(timeline, "data-open", now !== undefined);
     if (now !== undefined) timeline.style.setProperty("--now", timePlace(now, from, to));
     setText(decisionTitle, areCut
-      ? t("decisionsLast", { count: MOST_DECISIONS, all: decisions.at(-1).number })
+      ? t("decisionsLast", { count: MOST_DECISIONS, all: Number(decisions.at(-1).number) + 1 })
       : t(decisions.length > 0 ? "decisions" : areRead ? "noDecisions" : "loading"));
     setAttribute(timeline, "aria-label", t("decisions"));
     setAttribute(timeline, "hidden", decisions.length === 0);
