@@ -8,6 +8,7 @@ mod defect;
 mod machine;
 mod plain;
 mod polar;
+mod spindle_number;
 
 use crate::code;
 use crate::dialect::{CodeTable, Flow, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
@@ -112,6 +113,8 @@ pub(crate) struct Block {
     pub(crate) rest: Option<Rest>,
     commas: CommaWords,
     polar: Option<PolarWords>,
+    /// Offsets of start and end of `$` with its number, and whether that is all spindles.
+    spindle_number: Option<(u32, u32, bool)>,
     /// A leading `%`.
     pub(crate) percent: Option<SourceSpan>,
     /// Something in the block could not be understood, so that what its words mean together is unknown.
@@ -148,6 +151,7 @@ impl Default for Block {
             rest: None,
             commas: CommaWords::default(),
             polar: None,
+            spindle_number: None,
             percent: None,
             unclear: false,
             unread: 0,
@@ -237,6 +241,13 @@ impl Block {
                 {
                     return self.report_program_name(line, token, findings);
                 }
+                TokenKind::Unexpected if table.dialect.is_linuxcnc && line[token.start as usize] == b'$' => {
+                    let end = self.read_spindle_number(line, token, table, system, findings);
+                    if self.has_failed {
+                        return;
+                    }
+                    tokens = Lexer::from(line, end);
+                }
                 // Words with characters that only look like others are read again as a whole, the rest without them.
                 TokenKind::Unexpected | TokenKind::NotUtf8 if !looked => {
                     looked = true;
@@ -268,7 +279,7 @@ impl Block {
                 TokenKind::Comment => {
                     self.comment = (token.start, token.end);
                     self.check_comment(line, token, table, findings);
-                    if self.is_nested_comment(line, token, findings) {
+                    if self.is_nested_comment(line, token, table, findings) {
                         return;
                     }
                 }
@@ -323,6 +334,9 @@ impl Block {
         if !self.assignments.is_empty() {
             self.check_assignments(table, findings);
         }
+        if self.spindle_number.is_some() {
+            self.check_spindle_number(table, findings);
+        }
         if self.polar.is_some() {
             self.take_polar(table, system.state.plane, findings);
         }
@@ -364,6 +378,7 @@ impl Block {
         self.rest = None;
         self.commas.clear();
         self.polar = None;
+        self.spindle_number = None;
         self.percent = None;
         self.unclear = false;
         self.unread = 0;

@@ -32,6 +32,7 @@ mod tilted;
 mod tool_control;
 mod turning;
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::block::Block;
@@ -47,8 +48,8 @@ use crate::{
 
 use corner::Corner;
 use execute::Execution;
+use flow::{CallTarget, Index, Indexer, Mark};
 pub(crate) use flow::{FlowState, Statement, called_program, classify, digits, is_conditional_return, name};
-use flow::{Index, Indexer};
 pub(crate) use lines::find_line_end;
 use straight::Straight;
 pub(crate) use system::System;
@@ -100,6 +101,9 @@ pub struct Interpreter {
     programs: Arc<[String]>,
     /// What is where in the job's programs, of those that a jump needed. It is no part of the state: it is made anew.
     indexes: Vec<Option<Arc<Index>>>,
+    /// Where the programs begin that were called by number or name, by the file of the call. It is no part of the state: it is
+    /// found anew.
+    called: HashMap<(u32, CallTarget), Mark>,
     /// The index that is being made.
     indexing: Option<Box<Indexer>>,
     /// The moves of the turning cycle that is being carried out. They are no part of the state: they are made anew.
@@ -135,6 +139,7 @@ impl Interpreter {
             spindle_limit_rev_per_min: f64::INFINITY,
             programs: Arc::new([]),
             indexes: Vec::new(),
+            called: HashMap::new(),
             indexing: None,
             steps: None,
             straight: Straight::default(),

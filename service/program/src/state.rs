@@ -89,6 +89,12 @@ pub struct InterpreterState {
     pub(crate) tool: u32,
     /// The last `T` word as a number, 0 before the first.
     pub(crate) tool_word: u32,
+    /// The last M code; `None` before the first, and behind one that calls or ends a program, which controls count differently.
+    pub(crate) m_code: Option<u32>,
+    /// The last `N` of a block that was executed, in whatever program.
+    pub(crate) sequence_number: Option<u32>,
+    /// The number of the program that is read, where it has one.
+    pub(crate) program_number: Option<u32>,
     pub(crate) thread: ThreadModes,
     pub(crate) drilling: Drilling,
     pub(crate) turning: TurningModes,
@@ -437,6 +443,9 @@ impl InterpreterState {
             max_rev_per_min: None,
             tool: 0,
             tool_word: 0,
+            m_code: None,
+            sequence_number: None,
+            program_number: None,
             thread: ThreadModes::default(),
             // As LinuxCNC starts, whatever its handbook says.
             drilling: Drilling { to_r: settings.dialect == crate::DialectName::LinuxCnc, ..Drilling::default() },

@@ -19,18 +19,26 @@ impl Block {
     }
 
     /// Whether a comment holds another one, so that what is behind the inner one is outside both; it is then reported, and the rest
-    /// of the line is not read.
-    pub(super) fn is_nested_comment(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) -> bool {
+    /// of the line is not read. LinuxCNC takes no second parenthesis, others no comment that goes on behind the inner one.
+    pub(super) fn is_nested_comment(
+        &mut self,
+        line: &[u8],
+        token: Token,
+        table: &CodeTable,
+        findings: &mut FindingLog,
+    ) -> bool {
         let (start, end) = (token.start as usize, token.end as usize);
         if line[start] != b'(' || !line[start + 1..end].contains(&b'(') {
             return false;
         }
-        let Some(outer) = line[end..].iter().position(|byte| matches!(byte, b'(' | b')')) else { return false };
-        if line[end + outer] != b')' {
-            return false;
-        }
+        let outer = line[end..].iter().position(|byte| matches!(byte, b'(' | b')'));
+        let outer = match outer.filter(|outer| line[end + outer] == b')') {
+            Some(outer) => outer + 1,
+            None if table.dialect.is_linuxcnc => 0,
+            None => return false,
+        };
         self.extent = (self.extent.0.min(token.start), self.extent.1.max(token.end));
-        let outside = Token { end: (end + outer + 1) as u32, letter: 0, ..token };
+        let outside = Token { end: (end + outer) as u32, letter: 0, ..token };
         self.defect(code::TEXT, outside, findings, |mut finding| {
             "comments do not nest: this one ends at its first )".clone_into(&mut finding.message);
             finding.suggest("remove the inner parentheses")

@@ -18,6 +18,8 @@ pub(super) struct MachineWords {
     /// M codes of any kind.
     m_codes: u8,
     count: u8,
+    /// The last of them all, 0 for none.
+    last: f64,
     /// Their modal groups, one bit each.
     groups: u32,
     words: [MachineWord; MOST],
@@ -36,7 +38,7 @@ impl Default for MachineWords {
     fn default() -> Self {
         let span = SourceSpan::default();
         let word = MachineWord { rule: MachineRule::unlisted(0), is_unlisted: true, span };
-        Self { m_codes: 0, count: 0, groups: 0, words: [word; MOST] }
+        Self { m_codes: 0, count: 0, last: 0.0, groups: 0, words: [word; MOST] }
     }
 }
 
@@ -64,6 +66,11 @@ impl Block {
         &self.machine.words[..usize::from(self.machine.count)]
     }
 
+    /// The number of the last M code of the block, of whatever kind.
+    pub(crate) fn last_m_code(&self) -> Option<u32> {
+        (self.machine.m_codes > 0).then_some(self.machine.last as u32)
+    }
+
     /// Takes an M code of the machine; `false` where the tables of the dialect have it, at `place`, or where it is none at all.
     pub(super) fn add_machine_code(
         &mut self,
@@ -74,6 +81,7 @@ impl Block {
     ) -> bool {
         let number = token.number.value();
         self.machine.m_codes = self.machine.m_codes.saturating_add(1);
+        self.machine.last = number;
         if self.machine.m_codes > table.dialect.max_m_codes {
             let most = table.dialect.max_m_codes;
             self.defect(code::GROUP_CONFLICT, token, findings, |mut finding| {

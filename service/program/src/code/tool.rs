@@ -6,10 +6,17 @@ crate::finding_codes! {
 
     "PRG-LENGTH-NUMBER" [LENGTH_NUMBER: Error] {
         meaning: "tool length compensation without the number of a tool length",
-        cause: "`G43` or `G44` has no H, or H0, and no length was in force before.",
+        cause: "`G43` or `G44` has no H, and no length was in force before.",
         cure: "Add H with the number of the tool, or switch the compensation off with G49.",
         explained_by: block("H"),
         example: mill("G43 Z100"),
+    }
+
+    "PRG-LENGTH-NONE" [LENGTH_NONE: Warning] {
+        meaning: "tool length compensation by `H0`, which is no length",
+        cause: "The offset 0 of FANUC and Haas controls is always 0: Z is that of the machine's control point behind it, as behind `G49`.",
+        cure: "Write G49 where no length is meant, else the number of the tool's length.",
+        example: mill("G43 H0 Z100"),
     }
 
     "PRG-LENGTH-OTHER-TOOL" [LENGTH_OTHER_TOOL: Warning] {

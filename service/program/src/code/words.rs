@@ -25,6 +25,14 @@ crate::finding_codes! {
         example: lathe("G0 X10 K5"),
     }
 
+    "PRG-SPINDLE-NUMBER" [SPINDLE_NUMBER: Error] {
+        meaning: "`$` of LinuxCNC that names no spindle of the machine, or stands in a block that is of none",
+        cause: "The machine has one spindle, number 0; -1 is all of them. `$` belongs to `S`, `M3`, `M4`, `M5`, `M19`, `M51`, `G33`, \
+                `G33.1`, `G76`, `G95`, `G96` and `G97`.",
+        cure: "Write `$0`, or leave it out.",
+        example: linuxcnc("M3 S500 $1"),
+    }
+
     "PRG-WORD-CONFLICT" [WORD_CONFLICT: Error] {
         meaning: "two words of a block contradict each other, or a word chooses between cases and names none",
         cause: "An absolute and an incremental word for one axis, two leads of a thread, two times of a dwell, or a P \

@@ -117,6 +117,9 @@ impl Execution<'_> {
         if self.block.code(Group::Cycle).is_some() {
             self.state.machine.rigid_tapping = false;
         }
+        if let Some(number) = self.block.last_m_code() {
+            self.state.m_code = self.block.code(Group::Subprogram).is_none().then_some(number);
+        }
         let mut machine = if self.block.machine_codes().is_empty() { Vec::new() } else { self.machine_codes() };
         self.doubt = self.doubt();
         if unit_first {
@@ -216,9 +219,22 @@ impl Execution<'_> {
     fn labels(&mut self) {
         let labels = letter_bit(b'N') | letter_bit(b'O');
         self.used |= labels;
+        if self.block.letters & labels != 0 {
+            self.numbers();
+        }
         if self.block.letters & !labels != 0 || self.block.has_codes() {
             self.state.phase = Phase::Blocks;
         }
+    }
+
+    /// Keeps the numbers of the block and of the program that it begins.
+    #[inline]
+    fn numbers(&mut self) {
+        // Beyond the bits of the number there is no label.
+        let number = |letter| self.block.word(letter).map(|word| word.number.value() as u32);
+        let (sequence, program) = (number(b'N'), number(b'O'));
+        self.state.sequence_number = sequence.or(self.state.sequence_number);
+        self.state.program_number = program.or(self.state.program_number);
     }
 
     fn units(&mut self) {

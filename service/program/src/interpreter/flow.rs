@@ -152,6 +152,8 @@ pub(crate) struct Call {
     loops: Vec<Loop>,
     /// Likewise, those that it has made by jumps.
     jumps: Vec<JumpLoop>,
+    /// The number of the caller.
+    program_number: Option<u32>,
     /// The modes that the caller has saved.
     modes: ModeContext,
 }
@@ -258,7 +260,7 @@ pub(super) struct CallRequest {
 }
 
 /// What is called.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) enum CallTarget {
     /// A program by its number, and the label in it where it begins.
     Program { number: u32, label: Option<u32> },

@@ -74,14 +74,17 @@ impl Execution<'_> {
             // H is modal, as the length is.
             None => self.state.length.number,
         };
-        if number == 0 && self.code(Group::LengthCompensation).is_none() {
+        if number == 0 && named.is_some() {
+            if self.code(Group::LengthCompensation).is_some() {
+                self.note_no_length(span);
+            }
             let none =
                 LengthCompensation { is_on: true, negative, on_line: span.line, ..LengthCompensation::default() };
             return self.switch_length(none, span);
         }
         if number == 0 {
             return self.findings.push_with(code::LENGTH_NUMBER, |code| {
-                Finding::new(code, span, "the number H of the tool length is missing or 0")
+                Finding::new(code, span, "the number H of the tool length is missing")
                     .suggest("add H with the number of the tool, such as H1")
                     .suggest("set language.coordinates.length_of_tool of the machine profile if it is that of the tool in the spindle")
                     .suggest("switch the compensation off with G49")
@@ -93,6 +96,16 @@ impl Execution<'_> {
         if let Some(next) = self.length_of_row(number, negative, span) {
             self.switch_length(next, span);
         }
+    }
+
+    /// `G43 H0`: the offset 0 is always 0.
+    #[cold]
+    fn note_no_length(&mut self, span: SourceSpan) {
+        let tool = self.state.tool;
+        self.findings.push_with(code::LENGTH_NONE, |code| {
+            Finding::new(code, span, "H0 is no length: Z is that of the machine's control point behind it")
+                .suggest(format!("write G49, or the number of the tool's length, such as H{}", tool.max(1)))
+        });
     }
 
     /// What `G43` or `G44` with this row of the table puts in force; `None` after a finding.

@@ -52,8 +52,8 @@ impl Overrides {
         }
     }
 
-    /// Of these the ones that `M72` restores. Its interpreter writes one code for both, which switches on what was on alone and
-    /// leaves the other as it is.
+    /// Of these the ones that `M72` restores. Its interpreter writes one code for both overrides, which switches on what was on
+    /// alone and leaves the other as it is. Adaptive feed and feed hold it switches on where they were on, and off never.
     pub(crate) const fn restore(&mut self, saved: Self) {
         match (saved.feed, saved.speed) {
             _ if self.feed == saved.feed && self.speed == saved.speed => {}
@@ -61,6 +61,8 @@ impl Overrides {
             (false, true) => self.speed = true,
             (feed, speed) => (self.feed, self.speed) = (feed, speed),
         }
+        self.adaptive_feed |= saved.adaptive_feed;
+        self.feed_hold |= saved.feed_hold;
     }
 }
 

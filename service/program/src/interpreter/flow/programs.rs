@@ -11,13 +11,28 @@ use crate::{Finding, FindingLog, SourceSpan};
 const MOST_NAMED_FILES: usize = 50;
 
 impl Interpreter {
-    /// Where what is called begins.
-    pub(super) fn find(
-        &self,
+    /// Where what is called begins, looked for at its first call from the file only.
+    pub(super) fn find_once(
+        &mut self,
         target: &CallTarget,
         pending: &Pending,
         findings: &mut FindingLog,
     ) -> Result<Mark, Progress> {
+        // Labels are many, and an index finds them by itself.
+        if !matches!(target, CallTarget::Program { label: None, .. } | CallTarget::Sub(_)) {
+            return self.find(target, pending, findings);
+        }
+        let call = (pending.from.place.program, target.clone());
+        if let Some(mark) = self.called.get(&call) {
+            return Ok(*mark);
+        }
+        let mark = self.find(target, pending, findings)?;
+        self.called.insert(call, mark);
+        Ok(mark)
+    }
+
+    /// Where what is called begins.
+    fn find(&self, target: &CallTarget, pending: &Pending, findings: &mut FindingLog) -> Result<Mark, Progress> {
         let own = pending.from.place.program;
         match target {
             CallTarget::Label(number) => {
@@ -89,8 +104,32 @@ impl Interpreter {
         let mut by_name = (1..=self.programs.len() as u32).filter(|&file| is_named(file)).map(Mark::start_of);
         match (by_name.next(), by_name.next()) {
             (Some(first), Some(second)) => Err(self.ambiguous_program(number, [first, second], pending, findings)),
-            (known, _) => Ok(known),
+            (Some(known), None) => {
+                let numbers = self.index(known.place.program).map(|index| index.sections.iter());
+                match numbers.into_iter().flatten().find_map(|section| section.number) {
+                    Some(other) => Err(self.renumbered_file(number, other, known, pending, findings)),
+                    None => Ok(Some(known)),
+                }
+            }
+            (None, _) => Ok(None),
         }
+    }
+
+    /// A file that is named after the program and holds another one: controls call by the one or by the other.
+    #[cold]
+    fn renumbered_file(
+        &self,
+        number: u32,
+        other: u32,
+        file: Mark,
+        pending: &Pending,
+        findings: &mut FindingLog,
+    ) -> Progress {
+        self.no_target(pending, findings, |finding| {
+            let name = self.file_name(file.place.program);
+            let message = format!("{name} is named after O{number} and holds O{other}: which is meant?");
+            (message, finding.suggest(format!("call O{other}, or write O{number} in {name}")))
+        })
     }
 
     #[cold]

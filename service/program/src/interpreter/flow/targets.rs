@@ -3,7 +3,7 @@
 use super::index::MAX_ENTRIES;
 use super::line::Statement;
 use super::{
-    Call, CallKind, CallRequest, Found, Index, Interpreter, Jump, Loop, LoopKind, MAX_CALLS, MAX_LOOPS,
+    Call, CallKind, CallRequest, CallTarget, Found, Index, Interpreter, Jump, Loop, LoopKind, MAX_CALLS, MAX_LOOPS,
     MAX_MACRO_CALLS, Mark, Pending, Progress,
 };
 use crate::code;
@@ -212,7 +212,7 @@ impl Interpreter {
             });
             return Progress::Failed;
         }
-        let target = match self.find(&request.target, pending, findings) {
+        let target = match self.find_once(&request.target, pending, findings) {
             Ok(mark) => mark,
             Err(progress) => return progress,
         };
@@ -226,6 +226,10 @@ impl Interpreter {
             self.state.parameters.enter(request.locals());
         }
         let modes = std::mem::take(&mut self.state.machine.context);
+        let program_number = self.state.program_number;
+        if let CallTarget::Program { number, .. } = request.target {
+            self.state.program_number = Some(number);
+        }
         let flow = &mut self.state.flow;
         if target.place.program != pending.from.place.program {
             flow.first_calls.entry(target.place.program).or_insert(pending.span);
@@ -242,6 +246,7 @@ impl Interpreter {
             since: flow.blocks,
             loops: std::mem::take(&mut flow.loops),
             jumps: std::mem::take(&mut flow.jumps),
+            program_number,
             modes,
         });
         flow.has_jumped = true;
@@ -309,6 +314,7 @@ impl Interpreter {
     fn leave(&mut self, has_locals: bool) {
         if let Some(call) = self.state.flow.calls.pop() {
             (self.state.flow.loops, self.state.flow.jumps) = (call.loops, call.jumps);
+            self.state.program_number = call.program_number;
             let machine = &mut self.state.machine;
             let context = std::mem::replace(&mut machine.context, call.modes);
             if context.restores_at_return {

@@ -10,10 +10,13 @@ pub(super) static ROWS: &[Row] = &[
     (4_001, 4_030, |system, place| modal(system, place + 1).map(Some)),
     (4_109, 4_109, |system, _| Some(Some(system.state.thread.lead_as_written.unwrap_or(system.state.feed_as_written)))),
     (4_111, 4_111, |system, _| Some(Some(f64::from(length_number(system))))),
-    (4_107, 4_107, |system, _| system.state.compensation.number.map(|number| Some(f64::from(number)))),
+    (4_107, 4_107, |system, _| number(system.state.compensation.number)),
+    (4_113, 4_113, |system, _| number(system.state.m_code)),
+    (4_114, 4_114, |system, _| number(system.state.sequence_number)),
+    (4_115, 4_115, |system, _| number(system.state.program_number)),
     (4_119, 4_119, |system, _| Some(Some(super::speed(system)))),
     (4_120, 4_120, |system, _| Some(Some(f64::from(system.state.tool_word)))),
-    (4_130, 4_130, |system, _| system.state.coords.system.extended_number().map(|number| Some(f64::from(number)))),
+    (4_130, 4_130, |system, _| number(system.state.coords.system.extended_number().map(u32::from))),
     (5_001, 5_020, |system, place| work(system, place, |_| 0.0)),
     (5_021, 5_040, |system, place| axis_at(system, place).and_then(|axis| system.machine(axis)).map(Some)),
     (5_041, 5_060, |system, place| {
@@ -26,6 +29,11 @@ pub(super) static ROWS: &[Row] = &[
         Some(Some(system.in_units(axis, tool_offset(system, axis)?)))
     }),
 ];
+
+/// A number that is refused where it is not known.
+fn number(number: Option<u32>) -> Option<Value> {
+    number.map(|number| Some(f64::from(number)))
+}
 
 /// `H` of the length in force, 0 without one.
 const fn length_number(system: &System<'_>) -> u32 {
@@ -81,6 +89,7 @@ fn work(system: &System<'_>, place: u32, added: impl Fn(Axis) -> f64) -> Option<
 fn modal(system: &System<'_>, group: u32) -> Option<f64> {
     let state = system.state;
     let is_lathe = system.settings.dialect == DialectName::Lathe;
+    let is_haas = system.settings.is_haas();
     let choose = |first: bool, one: f64, other: f64| Some(if first { one } else { other });
     let transform = state.coords.transform.as_deref();
     match group {
@@ -97,6 +106,10 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
             FeedUnit::PerMinute => 94.0,
             FeedUnit::PerRevolution => 95.0,
         }),
+        5 => system.settings.g_code_system.map(|_| {
+            let [per_minute, per_revolution] = system.settings.feed_codes();
+            code_number(if state.feed_unit == FeedUnit::PerRevolution { per_revolution } else { per_minute })
+        }),
         6 => choose(state.inch, 20.0, 21.0),
         7 => Some(match state.compensation.on {
             None => 40.0,
@@ -110,11 +123,15 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
             (_, true) if state.length.negative => 44.0,
             (_, true) => 43.0,
         }),
-        9 if !is_lathe && state.drilling.cycle.is_none() => Some(80.0),
+        9 if !is_lathe => Some(state.drilling.cycle.map_or(80.0, |cycle| code_number(cycle.name()))),
+        10 if !is_lathe => choose(state.drilling.to_r, 99.0, 98.0),
         11 if !is_lathe => choose(transform.is_some_and(|it| it.scaling.is_some()), 51.0, 50.0),
+        // On Haas controls the work offsets are group 12, and there is no group 14.
+        12 if is_haas => state.coords.system.extended_number().is_none().then(|| work_system(system)),
+        14 if is_haas => None,
         12 => choose(state.flow.has_modal_calls(), 66.0, 67.0),
         13 if !is_lathe => choose(state.surface_speed, 96.0, 97.0),
-        14 => Some(f64::from(state.coords.system.tenths()) / 10.0),
+        14 => Some(work_system(system)),
         15 if !is_lathe && state.path_code > 0 => Some(f64::from(state.path_code) / 10.0),
         15 if !is_lathe => choose(matches!(state.path_control, PathControl::Continuous { .. }), 64.0, 61.0),
         16 if !is_lathe => choose(transform.is_some_and(|it| it.rotation.is_some()), 68.0, 69.0),
@@ -122,6 +139,16 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
         22 if !is_lathe => choose(transform.is_some_and(|it| it.mirror.iter().any(Option::is_some)), 51.1, 50.1),
         _ => None,
     }
+}
+
+/// The code of the work offset in force.
+fn work_system(system: &System<'_>) -> f64 {
+    f64::from(system.state.coords.system.tenths()) / 10.0
+}
+
+/// The number of a G code as written.
+fn code_number(code: &str) -> f64 {
+    code.trim_start_matches('G').parse().unwrap_or(0.0)
 }
 
 fn motion(motion: Motion) -> Option<f64> {

@@ -122,6 +122,50 @@ fn section_2_the_last_tool_word_fanuc() {
     assert_eq!(ends.collect::<Vec<_>>(), [10.0, 20.0], "{:?}", findings.findings());
 }
 
+/// The last M code, line number and program, also in a subprogram and behind it.
+#[test]
+fn section_2_codes_and_numbers_of_blocks_fanuc() {
+    let mill = LanguageSettings::mill();
+    check(&mill, "O5\nN10 G0 X1\nN20 M8\nG0 X2", &[("#4113", 8.0), ("#4114", 20.0), ("#4115", 5.0)]);
+    for (program, text) in
+        [("G0 X1", "#4113"), ("G0 X1", "#4114"), ("G0 X1", "#4115"), ("M8\nM97 P5\nM30\nN5 X1\nM99", "#4113")]
+    {
+        let found = value(&mill, program, text);
+        assert_eq!(found, Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "{text} behind {program}");
+    }
+    let program = b"O1\nN1 G0 X3\nM98 P2\nG0 X#4115 Y#4114\nM30\nO2\nG0 X#4115 Y#4114\nN7 G0 Z5\nM99\n";
+    let (operations, findings) = crate::interpret(program, mill);
+    let ends = operations.iter().filter_map(|operation| match &operation.kind {
+        crate::OperationKind::Move(step) => Some([step.end[0], step.end[1]]),
+        _ => None,
+    });
+    assert_eq!(ends.collect::<Vec<_>>(), [[3.0, 0.0], [2.0, 1.0], [2.0, 1.0], [1.0, 7.0]], "{:?}", findings.findings());
+}
+
+/// Groups that the manuals number differently.
+#[test]
+fn section_2_modal_groups_by_control() {
+    let mill = LanguageSettings::mill();
+    let cycle = "T1 M6\nG0 X0 Y0 Z5\nG81 G99 Z-5 R1 F100";
+    check(&mill, cycle, &[("#4009", 81.0), ("#4010", 99.0), ("#4014", 54.0), ("#4012", 67.0)]);
+    check(&mill, &format!("{cycle}\nG80 G98"), &[("#4009", 80.0), ("#4010", 98.0)]);
+    let mut haas = mill;
+    haas.drilling.style = crate::DrillingStyle::Haas;
+    haas.coordinates.style = crate::CoordinateStyle::Haas;
+    check(&haas, "G55", &[("#4012", 55.0)]);
+    for (program, text) in [("G55", "#4014"), ("G154 P3", "#4012")] {
+        assert_eq!(value(&haas, program, text), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "{text}");
+    }
+    let mut lathe = LanguageSettings::default();
+    assert_eq!(value(&lathe, "", "#4005"), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "by the G-code system");
+    for (system, codes) in [(crate::GCodeSystem::A, ["G98", "G99"]), (crate::GCodeSystem::B, ["G94", "G95"])] {
+        lathe.g_code_system = Some(system);
+        for code in codes {
+            check(&lathe, code, &[("#4005", code[1..].parse().unwrap())]);
+        }
+    }
+}
+
 #[test]
 fn section_2_modes_are_those_that_are_written_fanuc() {
     let lathe = LanguageSettings::default();
@@ -184,7 +228,9 @@ fn section_2_overrides_and_speed_linuxcnc() {
         ("M49\nM50 P1", [1.0, 0.0, 0.0, 1.0]),
         ("M51 P0\nM52\nM53 P0", [1.0, 0.0, 1.0, 0.0]),
         ("M52\nM52 P0\nM53 P0\nM53", [1.0, 1.0, 0.0, 1.0]),
-        ("M70\nM49\nM52\nM53 P0\nM72", [1.0, 1.0, 1.0, 0.0]),
+        ("M70\nM49\nM52\nM53 P0\nM72", [1.0, 1.0, 1.0, 1.0]),
+        // What was off stays on.
+        ("M52\nM53 P0\nM70\nM52 P0\nM53\nM72", [1.0, 1.0, 1.0, 1.0]),
         // One code is restored for both, that of the one that was on.
         ("M50 P0\nM70\nM48\nM72", [1.0, 1.0, 0.0, 1.0]),
     ] {

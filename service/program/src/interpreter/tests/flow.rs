@@ -308,6 +308,11 @@ fn a_program_that_is_there_twice_is_not_called() {
         assert_eq!((finding.code.name(), finding.span.line), ("PRG-JUMP-TARGET", 1), "{finding:#?}");
         assert!(names.iter().all(|name| finding.message.contains(name)), "{finding:#?}");
     }
+    // A file's name says one program and its text another.
+    let (moves, found) = with_files(&[main, "O3000\nG0 X3\nM99\n"], &["a/O2000.nc"]);
+    let [finding] = &found[..] else { panic!("{found:#?}") };
+    assert!(moves.is_empty() && finding.code == code::JUMP_TARGET, "{finding:#?}");
+    assert!(finding.message.contains("O3000") && finding.message.contains("a/O2000.nc"), "{finding:#?}");
     // In the order of the search: the file of the call, files named after the program, all others.
     let mine = format!("{main}{one}");
     assert_eq!(with_files(&[&mine, other, other], &["O2000.nc", "b.nc"]).0, [(0, 4, 1.0)]);

@@ -92,9 +92,12 @@ fn the_length_is_along_z_in_every_plane() {
 fn contradictions_are_refused() {
     check(
         &mill(),
-        "G43\nG43 H0\nG44 H1.5\nG43 H99",
-        "! 1:1+3 PRG-LENGTH-NUMBER\n! 2:1+3 PRG-LENGTH-NUMBER\n! 3:5+4 PRG-NUMBER-NOT-WHOLE\n! 4:1+3 PRG-TOOL-LENGTH",
+        "G43\nG44 H1.5\nG43 H99",
+        "! 1:1+3 PRG-LENGTH-NUMBER\n! 2:5+4 PRG-NUMBER-NOT-WHOLE\n! 3:1+3 PRG-TOOL-LENGTH",
     );
+    // The offset 0 is always 0.
+    check(&mill(), "G43 H0\nG0 Z5", "rapid 0 -> Z5\nw 1:1+3 PRG-LENGTH-NONE");
+    check(&mill(), "G43 H1\nG44 H0 G0 Z5", "rapid 0 -> Z5\nw 2:1+3 PRG-LENGTH-NONE");
     // H is modal while the compensation is on.
     check(&mill(), "G43 H1\nG43", "");
     // The offset 0 is none; another number contradicts G49, and LinuxCNC knows neither.

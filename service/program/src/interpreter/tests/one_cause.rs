@@ -31,10 +31,14 @@ fn comments_do_not_nest() {
         one(&settings, "G1 X10 F100 (a (b) c)", "PRG-TEXT", "remove the inner parentheses");
         one(&settings, "(feed (mm/min) of the first pass)", "PRG-TEXT", "remove the inner parentheses");
         assert!(found(&settings, "G0 X10 (a b c)").is_empty());
+    }
+    for settings in [mill(), lathe()] {
         // What is behind the first ) is read where it is no rest of a comment.
-        assert!(found(&settings, "G0 X10 (a (b) Y5\nX1").is_empty());
+        assert!(found(&settings, "G0 X10 (a (b) Z5\nX1").is_empty());
         assert!(found(&settings, "G0 X10 (a (b) (c)").is_empty());
     }
+    // Refused there, wherever the outer one ends; checked with rs274.
+    one(&linuxcnc(), "G0 X5\n(a (b)\nG0 X6", "PRG-TEXT", "remove the inner parentheses");
 }
 
 #[test]
