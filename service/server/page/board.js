@@ -61,7 +61,7 @@ const updateCard = (store, isWall) => (card, machine) => {
   setAttribute(card, "data-level", levelOf(machine));
   setAttribute(card, "data-blinks", isUnacknowledged(machine));
   setText(find("name"), nameOf(machine));
-  paintIcon(card.querySelector(".icon"), available || state !== "interrupted" ? state : "noData");
+  paintIcon(card.querySelector(".icon"), state);
   setText(find("state"), t(state));
   setText(find("job"), run ? jobText(run) : t("noData"));
   const overrides = available ? run?.overrides : undefined;
@@ -82,7 +82,10 @@ const updateCard = (store, isWall) => (card, machine) => {
   const reason = overrides && (overrides.feed !== 1 || run.held) ? feedReason(run) : "";
   const decided = overrides ? decidedAgo(run) : "";
   setText(find("reason"), conditions.length === 0 ? [reason, decided].filter(Boolean).join(" · ") : "");
-  setText(find("alarm"), conditions.length > 0 ? conditionText(conditions[0]) + further : "");
+  const [first] = conditions;
+  // The run that the card shows is another one.
+  const whose = first?.run && run && first.run !== run.run ? `${t("ofOtherRun")}: ` : "";
+  setText(find("alarm"), first ? whose + conditionText(first) + further : "");
   // On a wall there is no room for it beside an alarm.
   setText(find("age"), [otherRuns(machine), conditions.length > 0 && !isWall ? decided : "", ageOf(machine, store)].filter(Boolean).join(" · "));
 };
