@@ -29,14 +29,17 @@ use super::{Answer, HttpState};
 use crate::api::{Api, DecisionLog, EventLog, LogFilter, LogWatch};
 use crate::connections::Unread;
 use crate::error::{Error, Result};
-use crate::floor::{Changes, FloorReader, STATE_INTERVAL};
+use crate::floor::{Changes, FloorReader};
 
 /// How long a client waits before it asks again, ms.
 const RETRY_MS: u32 = 2_000;
 /// Records that a client may be behind and still has told one by one; who is further behind reads the lists.
 const MOST_BEHIND: i64 = 10_000;
-/// How often a stream says something at most: what comes meanwhile is said together.
-const PACE: Duration = Duration::from_millis(100);
+/// How often a stream says something at most: what comes meanwhile is said together. Hundreds of pages that are each told at once of
+/// every decision would keep the processor from the decisions.
+const PACE: Duration = Duration::from_millis(250);
+/// How often a stream tells the state of a machine at most: every other turn.
+const STATES_EVERY: Duration = Duration::from_millis(500);
 /// Bytes that are said together, about. Who has more to be told does not wait.
 const MOST_TOGETHER: usize = 64 << 10;
 /// The header of a client that comes back.
@@ -141,7 +144,7 @@ impl Live {
             events: LogWatch::new(store, &api.recent_events, events, filter),
             decisions: LogWatch::new(store, &api.recent_decisions, decisions, filter),
             // Its turns are to fit in whatever the clock makes of them.
-            floor: api.floor().reader(None).every(STATE_INTERVAL - PACE / 2),
+            floor: api.floor().reader(None).every(STATES_EVERY - PACE / 2),
             draining: api.engine.draining().clone(),
             heartbeat,
             greeting: Some(greeting),
@@ -363,7 +366,7 @@ mod tests {
     #[test]
     fn turns_are_as_far_apart_as_they_should_be_and_each_stream_has_its_own() {
         let ms = Duration::from_millis;
-        for (elapsed, phase, expected) in [(0, 0, 100), (0, 30, 30), (29, 30, 1), (30, 30, 100), (131, 30, 99)] {
+        for (elapsed, phase, expected) in [(0, 0, 250), (0, 30, 30), (29, 30, 1), (30, 30, 250), (281, 30, 249)] {
             assert_eq!(to_turn(ms(elapsed), ms(phase)), ms(expected), "{elapsed} {phase}");
         }
         assert_eq!(to_turn(ms(0), PACE), PACE);
