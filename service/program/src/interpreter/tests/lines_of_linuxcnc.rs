@@ -120,14 +120,14 @@ fn row_0_is_the_tool_in_the_spindle() {
 fn the_spindle_number_is_that_of_the_one_spindle() {
     for words in ["M3 $0 S500", "M3 S500 $0", "M3 $-1 S500", "M3 S500 $[1-1]"] {
         let program = format!("{words}\nG1 X5 F100");
-        let rendered = render(&format!("{program}\nM2\n"), &linuxcnc());
+        let rendered = render(format!("{program}\nM2\n"), &linuxcnc());
         assert!(!rendered.contains("PRG-"), "{program}: {rendered}");
         assert!(rendered.contains("line 0 -> X5 @100/min"), "{program}: {rendered}");
     }
     for (words, at) in
         [("M3 $1 S500", "1:4+2"), ("M3 S500 $0 $0", "1:12+2"), ("G0 X1 $0", "1:7+2"), ("G97 S500 $-1", "1:10+3")]
     {
-        let rendered = render(&format!("{words}\nM2\n"), &linuxcnc());
+        let rendered = render(format!("{words}\nM2\n"), &linuxcnc());
         assert!(rendered.contains(&format!("! {at} PRG-SPINDLE-NUMBER")), "{words}: {rendered}");
     }
     check(&mill(), "M3 S500 $0", "! 1:9+1 PRG-CHARACTER\n! 1:10+1 PRG-NUMBER-STRAY");
