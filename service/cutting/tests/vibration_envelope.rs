@@ -65,6 +65,31 @@ fn the_published_form_says_what_it_asks_for() {
     assert!(!validate(TURNED, &published(true)).is_accepted());
 }
 
+/// What steps by the feed as well, does so at the highest one that is permitted or planned.
+#[test]
+fn the_published_form_is_judged_at_every_feed_override() {
+    let program = |feed: f64| {
+        format!(
+            "G21 G97 G99\nM3 S1000\nG0 X20 Z10\nG4 X0.2\nG200 F41.667 A0.03\nG1 Z9.2 F{feed}\nG201\nG4 X0.2\nG0 X40\nM30\n"
+        )
+    };
+    let refused = |feed: f64, max_feed_override: f64, overrides: Vec<OverrideChange>| {
+        let mut config = lathe(GenerationMode::AlongPath, 1_000);
+        config.profile.vibration.published_limits_bind = true;
+        config.profile.max_feed_override = max_feed_override;
+        let config = PipelineConfig { vibration_envelope: VibrationEnvelope::Published, overrides, ..config };
+        let report = validate(&program(feed), &config);
+        let is_refused = report.findings.iter().any(|finding| finding.code == "VIB-PUBLISHED-ENDS");
+        assert_eq!(report.sections[0].feasible, !is_refused, "{:?}", report.findings);
+        is_refused
+    };
+    // 2πfA + v of 7.854 and 2 mm/s in 1 ms, of 10 000 mm/s² at most.
+    assert!(!refused(0.12, 1.0, Vec::new()));
+    assert!(refused(0.12, 1.5, Vec::new()), "7.854 + 3");
+    assert!(refused(0.12, 1.0, vec![OverrideChange { index: 400, ratio: 2.0 }]), "7.854 + 4");
+    assert!(refused(0.24, 1.0, Vec::new()));
+}
+
 #[test]
 fn the_amplitude_is_the_envelope_of_the_place_on_the_path() {
     for (mode, share) in MODES.into_iter().zip([1.0, 1.0, 1.0]) {

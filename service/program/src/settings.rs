@@ -232,7 +232,7 @@ pub struct LanguageSettings {
     pub reference_position: Position,
     /// Machine position at program start, mm (X a radius) and degrees.
     pub initial_position: Position,
-    /// Largest difference between start and end radius of an arc, mm.
+    /// Largest difference between start and end radius of an arc, mm; in inch programs 0.0003 inch at least.
     pub arc_radius_tolerance_mm: f64,
     /// Range of `ASIN` and `ATAN[a]/[b]` of Macro B.
     pub angle_range: AngleRange,

@@ -1,9 +1,11 @@
 //! What a program asks for, resolved and not planned: the operations of the interpreter in their order.
 
-use feedwave_program::{FindingLog, Operation, Place, Reader, Reading, SourcePages};
+use feedwave_motion::{Element, Machine, missing_axis};
+use feedwave_program::{FindingLog, Move, Operation, OperationKind, Place, Reader, Reading, SourcePages, SourceSpan};
 
 use crate::PipelineConfig;
 use crate::frame::pipeline::supply;
+use crate::shared::checks::{may_be_drawn, missing};
 
 /// Most operations handed out at once.
 const BATCH: usize = 1_000;
@@ -30,6 +32,7 @@ pub struct Interpretation {
     pages: SourcePages,
     operations: Vec<Operation>,
     findings: FindingLog,
+    machine: Machine,
 }
 
 impl Interpretation {
@@ -41,15 +44,21 @@ impl Interpretation {
             pages: SourcePages::default(),
             operations: Vec::new(),
             findings: FindingLog::default(),
+            machine: config.profile.machine.clone(),
         }
     }
 
     /// Reads on, some thousand lines at most.
     pub fn step(&mut self) -> InterpretationStep {
-        let Self { reader, pages, operations, findings } = self;
+        let Self { reader, pages, operations, findings, machine } = self;
         for _ in 0..LINES_PER_STEP {
             let before = operations.len();
             let reading = reader.read_line(pages, operations, findings);
+            for operation in &operations[before..] {
+                if let OperationKind::Move(mv) = &operation.kind {
+                    check_axes(mv, operation.span, machine, findings);
+                }
+            }
             if findings.has_errors() {
                 operations.truncate(before);
             }
@@ -93,5 +102,13 @@ impl Interpretation {
     #[must_use]
     pub fn into_findings(self) -> FindingLog {
         self.findings
+    }
+}
+
+/// Reports an axis that a move needs and the machine does not have, as planning does.
+fn check_axes(mv: &Move, span: SourceSpan, machine: &Machine, findings: &mut FindingLog) {
+    let Some(element) = Element::from_move(mv, span) else { return };
+    if let Some(axis) = missing_axis(&element, machine) {
+        findings.push(missing(axis, span, machine, may_be_drawn(mv, &element)));
     }
 }

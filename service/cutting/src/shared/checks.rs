@@ -2,7 +2,7 @@
 
 use feedwave_motion::kinematics::{ChainAxis, KinematicsDescription, Wrap};
 use feedwave_motion::{Curve, Element, Machine, MachineKind, TravelExceeded, travel_exceeded, travel_exceeded_within};
-use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan};
+use feedwave_program::{Axis, Finding, FindingLog, Move, MoveKind, Position, SourceSpan};
 
 use super::code;
 use super::reach::Reach;
@@ -16,14 +16,18 @@ pub(crate) fn is_rotary_only(element: &Element) -> bool {
         && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis))
 }
 
-/// A word of an axis that the machine does not have; one finding for all of its words. `is_cut` along X or Z: there A and C may be
-/// words of the drawing.
-pub(crate) fn missing(axis: Axis, span: SourceSpan, machine: &Machine, is_cut: bool) -> Finding {
+/// Whether a move cuts along X or Z, where A and C may be words of the drawing.
+pub(crate) fn may_be_drawn(mv: &Move, element: &Element) -> bool {
+    mv.kind == MoveKind::Cutting && (element.moves(Axis::X) || element.moves(Axis::Z))
+}
+
+/// A word of an axis that the machine does not have; one finding for all of its words. `is_drawn`: A and C may be words of the drawing.
+pub(crate) fn missing(axis: Axis, span: SourceSpan, machine: &Machine, is_drawn: bool) -> Finding {
     let letter = axis.letter();
     let finding = Finding::new(code::AXIS_MISSING, span, format!("the machine has no {letter} axis"))
         .suggest("remove the word, or add the axis to the machine profile")
         .everywhere(letter.to_string());
-    if is_cut && machine.kind == MachineKind::Lathe && matches!(axis, Axis::A | Axis::C) {
+    if is_drawn && machine.kind == MachineKind::Lathe && matches!(axis, Axis::A | Axis::C) {
         let cure = "where A is the angle of a line and C a chamfer, set language.plain_drawing_words of the machine profile to true";
         return finding.suggest(cure);
     }

@@ -79,9 +79,7 @@ impl Block {
         let (message, cure) = match () {
             () if self.letters & REPLACED != 0 => ("polar words beside X or Y", "keep the polar words or X and Y"),
             () if is_other_plane => ("polar words are of the plane XY", "select it with G17 in a block before"),
-            () if meaning(Group::NonModal)
-                .is_some_and(|it| it != Meaning::Dwell || meaning(Group::Motion).is_none()) =>
-            {
+            () if meaning(Group::NonModal).is_some_and(|it| it != Meaning::Dwell) => {
                 ("polar words with a one-block code", cure)
             }
             () if matches!(meaning(Group::LengthCompensation), Some(Meaning::LengthOffset { .. })) => {

@@ -63,6 +63,13 @@ crate::finding_codes! {
         example: mill("#1=0\nWHILE [#1 LT 5] DO1\nEND1\nM30"),
     }
 
+    "PRG-MAIN-UNCLEAR" [MAIN_UNCLEAR: Error] {
+        meaning: "the first program of the file ends with `M99` and calls nothing, and another one stands behind it",
+        cause: "Files from the memory of a control have their programs by number, so that a subprogram may come first. Here the first one is the main program.",
+        cure: "Write the main program first, or end it with M30.",
+        example: mill("O9001\nG91 G0 X1\nM99\nO1\nM98 P9001\nM30"),
+    }
+
     "PRG-MAIN-RETURN" [MAIN_RETURN: Info] {
         meaning: "the main program ends with `M99`, or goes back to a block by `M99 P` without any condition, which runs it again and again on the control",
         cause: "Bar feeders and pallet machines run a program again and again by `M99`; or the file is a subprogram, which returns by it.",

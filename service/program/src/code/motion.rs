@@ -29,6 +29,14 @@ crate::finding_codes! {
         example: lathe("G1 X10 F0"),
     }
 
+    "PRG-FEED-WITHOUT-POINT" [FEED_WITHOUT_POINT: Error] {
+        meaning: "a feed or lead per revolution without a decimal point where such numbers are increments",
+        cause: "With `decimal_point` as least increments, F20 is 0.20, 0.020 or 0.0020 per revolution by the control, or 20.",
+        cure: "Write the feed with a decimal point.",
+        explained_by: block("F"),
+        example: on("lathe, language.decimal_point = DECIMAL_POINT_RULE_LEAST_INCREMENT", "S500 M3\nG1 X10000 F20"),
+    }
+
     "PRG-SPINDLE-STOPPED" [SPINDLE_STOPPED: Error] {
         meaning: "feed per revolution or a thread with a spindle that does not turn",
         cause: "No M3 or M4 with an S comes before it, or M5 stopped the spindle: the move would never advance.",

@@ -11,6 +11,10 @@ use crate::{ArcGeometry, Axis, DecimalPointRule, Finding, FindingCode, Position,
 /// A chord below this, mm, is no chord: far below any program's resolution, far above rounding.
 const SHORTEST_CHORD_MM: f64 = 1e-7;
 
+/// What both radii of an arc differ by at most when start, end and centre are rounded to 0.0001 inch, mm: four coordinates by
+/// 0.00005 inch each, and the end by as much again.
+const INCH_ROUNDING_MM: f64 = 0.000_3 * MM_PER_INCH;
+
 /// LinuxCNC: how much a radius may be too short for its chord, mm (0.00005 inch).
 const LINUXCNC_SHORT_RADIUS_MM: f64 = 0.001_27;
 
@@ -171,7 +175,7 @@ impl Execution<'_> {
         let excess = radius.abs() - half;
         let tolerance = match self.table.dialect.is_linuxcnc {
             true => LINUXCNC_SHORT_RADIUS_MM,
-            false => self.settings.arc_radius_tolerance_mm,
+            false => self.radius_tolerance_mm(),
         };
         if excess < -tolerance {
             let unit = if self.state.inch { MM_PER_INCH } else { 1.0 };
@@ -206,12 +210,18 @@ impl Execution<'_> {
         ])
     }
 
+    /// By how much radii may differ, mm: at least by what rounding to the least increment of an inch program makes of them.
+    fn radius_tolerance_mm(&self) -> f64 {
+        let tolerance_mm = self.settings.arc_radius_tolerance_mm;
+        if self.state.inch { tolerance_mm.max(INCH_ROUNDING_MM) } else { tolerance_mm }
+    }
+
     /// Whether start and end are equally far from the centre.
     fn check_radii(&mut self, word: &Word, center: [f64; 2], chord: &Chord) -> Option<()> {
         let span = self.block.word_span(word);
         let start_radius = distance(center, chord.start);
         let end_radius = distance(center, chord.end);
-        let mut tolerance = self.settings.arc_radius_tolerance_mm;
+        let mut tolerance = self.radius_tolerance_mm();
         let mut least_radius = SHORTEST_CHORD_MM;
         if self.table.dialect.is_linuxcnc {
             let share = LINUXCNC_SPIRAL_SHARE * start_radius.max(end_radius);

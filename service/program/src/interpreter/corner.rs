@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::execute::Execution;
+use super::execute::{Execution, MM_PER_INCH};
 use super::motion::set_bits;
 use crate::block::Word;
 use crate::code;
@@ -35,6 +35,8 @@ pub(crate) struct Corner {
     pub(crate) direction: Option<(Axis, bool)>,
     pub(crate) plane: Plane,
     pub(crate) span: SourceSpan,
+    /// It is written in inches.
+    pub(crate) inch: bool,
 }
 
 /// A move that waits for the next one.
@@ -123,7 +125,7 @@ impl Execution<'_> {
         }
         let kind = if letter == b'R' { CornerKind::Round(size_mm) } else { CornerKind::Chamfer(size_mm) };
         // A corner of no size is none.
-        (size_mm > 0.0).then_some(Corner { kind, direction, plane, span })
+        (size_mm > 0.0).then_some(Corner { kind, direction, plane, span, inch: self.state.inch })
     }
 
     /// Emits a move that may have a corner at its end.
@@ -233,16 +235,18 @@ impl Refusal {
         Self { message, cure: Cow::Borrowed(cure) }
     }
 
-    fn of_size(misfit: Misfit, kind: CornerKind, first: &Segment, last: &Segment) -> Self {
+    fn of_size(misfit: Misfit, corner: &Corner, first: &Segment, last: &Segment) -> Self {
         const OTHER: &str = "write the corner as blocks with G1, G2 or G3, or leave it away";
-        let fits = |size: f64| kind.with_size(size).between(first, last).is_ok_and(|joint| joint.is_some());
-        let largest_mm = match misfit {
+        let kind = corner.kind;
+        let (unit_mm, unit) = if corner.inch { (MM_PER_INCH, "inch") } else { (1.0, "mm") };
+        let fits = |size: f64| kind.with_size(size * unit_mm).between(first, last).is_ok_and(|joint| joint.is_some());
+        let largest = match misfit {
             Misfit::TurnsBack => None,
             Misfit::TooLarge | Misfit::NoCircle | Misfit::TooLargeForArc => {
-                geometry::largest_that_fits(fits, kind.size_mm())
+                geometry::largest_that_fits(fits, kind.size_mm() / unit_mm)
             }
         };
-        let cure = largest_mm.map_or(Cow::Borrowed(OTHER), |mm| format!("write at most {mm} mm").into());
+        let cure = largest.map_or(Cow::Borrowed(OTHER), |size| format!("write at most {size} {unit}").into());
         Self { message: misfit.message(), cure }
     }
 }
@@ -392,7 +396,7 @@ fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<
     let segment = |step: &Move| Segment::new(point(&step.start), point(&step.end), step.arc.as_ref());
     let (before, behind) = (segment(first), segment(last));
     let joint = corner.kind.between(&before, &behind);
-    let joint = joint.map_err(|misfit| Refusal::of_size(misfit, corner.kind, &before, &behind))?;
+    let joint = joint.map_err(|misfit| Refusal::of_size(misfit, corner, &before, &behind))?;
     let Some(Joint { from, to, arc }) = joint else { return Ok(None) };
     let placed = |point: [f64; 2]| {
         let mut position = first.end;

@@ -32,6 +32,14 @@ pub(super) fn scaled_length(rule: DecimalPointRule, inch: bool, word: &Word) -> 
     if inch { value * MM_PER_INCH } else { value }
 }
 
+/// Whether a feed or lead per revolution counts in increments of the control, whose size is not known: without a decimal point where such
+/// numbers count increments.
+#[inline]
+pub(super) fn counts_increments(rule: DecimalPointRule, word: &Word) -> bool {
+    let number = word.number;
+    rule == DecimalPointRule::LeastIncrement && !number.has_point() && !number.is_computed() && number.value() != 0.0
+}
+
 /// A block in execution.
 pub(super) struct Execution<'a> {
     pub(super) settings: &'a LanguageSettings,
@@ -292,6 +300,10 @@ impl Execution<'_> {
         self.state.thread.forget_lead();
         self.state.reported.lead = false;
         let value = word.number.value();
+        if self.state.feed_unit == FeedUnit::PerRevolution && counts_increments(self.settings.decimal_point, &word) {
+            self.state.reported.feed = true;
+            return self.report_increments(&word);
+        }
         if value == 0.0 && self.table.dialect.is_linuxcnc {
             // No feed: what needs one says so.
             (self.state.feed, self.state.feed_as_written) = (0.0, 0.0);
@@ -310,6 +322,20 @@ impl Execution<'_> {
                     .with_value("least", LEAST_RATE, "")
             });
         }
+    }
+
+    /// A feed or lead per revolution without a decimal point on a machine whose numbers without one are increments.
+    #[cold]
+    pub(super) fn report_increments(&mut self, word: &Word) {
+        let (span, value) = (self.block.word_span(word), word.number.value());
+        self.findings.push_with(code::FEED_WITHOUT_POINT, |code| {
+            let message = format!(
+                "F{value} per revolution without a decimal point: in which increments it counts depends on the control"
+            );
+            Finding::new(code, span, message)
+                .with_value("feed", value, "")
+                .suggest("write it with a decimal point, such as F0.2 for 0.2 per revolution")
+        });
     }
 
     fn tool(&mut self) {

@@ -98,6 +98,8 @@ pub(crate) struct FlowState {
     has_jumped: bool,
     /// `M99` in the main program.
     restarts_at: Option<SourceSpan>,
+    /// The program that was read has ended with `M99` and called nothing.
+    pub(super) may_be_subprogram: bool,
     /// A condition or a computed jump was carried out: a round may end otherwise than the one before.
     has_decided: bool,
     /// O-words that have begun something.

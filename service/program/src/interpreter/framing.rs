@@ -160,7 +160,15 @@ impl Interpreter {
         if self.state.reported.trailing {
             return;
         }
-        if self.state.flow.has_jumped() || self.begins_program(line) {
+        let begins = self.begins_program(line);
+        if self.state.flow.may_be_subprogram {
+            if begins {
+                self.state.reported.trailing = true;
+                self.report_unclear_main(line, number, findings);
+            }
+            return;
+        }
+        if self.state.flow.has_jumped() || begins {
             // Further programs and blocks, which are read where they are called.
             self.state.reported.trailing = true;
             return;
@@ -180,6 +188,23 @@ impl Interpreter {
             length: (last - first) as u32 + 1,
         };
         self.push_trailing(span, findings);
+    }
+
+    /// The program that was read returns by `M99` and calls nothing, and another one stands behind it.
+    #[cold]
+    fn report_unclear_main(&self, line: &[u8], number: u32, findings: &mut FindingLog) {
+        let text = String::from_utf8_lossy(line.trim_ascii()).into_owned();
+        let column = line.iter().take_while(|byte| byte.is_ascii_whitespace()).count() as u32 + 1;
+        let span = SourceSpan { program: self.state.place.program, line: number, column, length: text.len() as u32 };
+        let name = self.state.program_number.map_or("the program before".to_owned(), |number| format!("O{number}"));
+        findings.push_with(code::MAIN_UNCLEAR, |code| {
+            let message = format!(
+                "{name} ends with M99 as a subprogram does, and {text} begins here: which is the main program?"
+            );
+            Finding::new(code, span, message)
+                .suggest("write the main program first, and its subprograms behind it")
+                .suggest("end the main program with M30 where it is the first one")
+        });
     }
 
     pub(super) fn push_trailing(&mut self, span: SourceSpan, findings: &mut FindingLog) {

@@ -167,10 +167,8 @@ impl Execution<'_> {
             Some(Meaning::MachineCoordinates) => return Some(Frame::Machine),
             _ if self.state.motion == Motion::Nurbs => self.nurbs(),
             // Its axis words are its own; what it left is reported as unused.
-            // In LinuxCNC a move may follow the dwell, if a motion code is written.
-            Some(Meaning::Dwell) if self.table.dialect.is_linuxcnc && self.block.code(Group::Motion).is_some() => {
-                return Some(Frame::Work);
-            }
+            // In LinuxCNC a move may follow the dwell.
+            Some(Meaning::Dwell) if self.table.dialect.is_linuxcnc => return Some(Frame::Work),
             Some(
                 Meaning::Dwell
                 | Meaning::SpeedClamp

@@ -5,7 +5,7 @@
 //! run does what the steps of [`Execution`](super::execute::Execution) do with it, no more and no less.
 
 use super::Interpreter;
-use super::execute::{LEAST_RATE, MM_PER_INCH, scaled_length};
+use super::execute::{LEAST_RATE, MM_PER_INCH, counts_increments, scaled_length};
 use super::motion::set_bits;
 use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
 use crate::finding::FindingMark;
@@ -127,6 +127,12 @@ impl Interpreter {
         let state = &mut self.state;
         let written = match self.block.word(b'F') {
             Some(word) if word.number.value() < LEAST_RATE => return false,
+            Some(word)
+                if state.feed_unit == FeedUnit::PerRevolution
+                    && counts_increments(self.settings.decimal_point, word) =>
+            {
+                return false;
+            }
             word => word.map(|word| word.number.value()),
         };
         let in_mm = |written: f64| if state.inch { written * MM_PER_INCH } else { written };

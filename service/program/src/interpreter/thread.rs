@@ -11,7 +11,7 @@ mod words;
 
 use core::ops::RangeInclusive;
 
-use super::execute::{Execution, MM_PER_INCH};
+use super::execute::{Execution, MM_PER_INCH, counts_increments};
 use super::motion::{Frame, set_bits};
 use crate::block::Word;
 use crate::code;
@@ -192,6 +192,11 @@ impl Execution<'_> {
                 let lead_mm = MM_PER_INCH / word.number.value();
                 self.check_threads_per_inch(&word, lead_mm);
                 (word, lead_mm)
+            }
+            (Some(word), None) | (None, Some(word)) if counts_increments(self.settings.decimal_point, &word) => {
+                self.report_increments(&word);
+                self.state.reported.lead = true;
+                return None;
             }
             (Some(word), None) | (None, Some(word)) => (word, word.number.value() * inch),
         };

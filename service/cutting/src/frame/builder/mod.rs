@@ -27,7 +27,7 @@ use crate::frame::interpolator::Barrier;
 use crate::frame::report::PathDeviation;
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
 use crate::functions::thread::WantedPass;
-use crate::shared::checks::{MAX_BLOCK_DURATION_S, missing, spline_cusp, too_long};
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, may_be_drawn, missing, spline_cusp, too_long};
 use crate::shared::columns::ColumnMap;
 use crate::shared::cut::Cut;
 use crate::shared::setpoint::Frame;
@@ -337,8 +337,7 @@ impl Builder {
             return;
         };
         if let Some(axis) = missing_axis(&element, machine) {
-            let is_cut = mv.kind == MoveKind::Cutting && (element.moves(Axis::X) || element.moves(Axis::Z));
-            findings.push(missing(axis, span, machine, is_cut));
+            findings.push(missing(axis, span, machine, may_be_drawn(mv, &element)));
             return;
         }
         config.travel().check(&element, findings);

@@ -348,9 +348,13 @@ impl Evidence {
         let bind = self.settings.published_limits_bind;
         let code = if bind { code::VIB_PUBLISHED_ENDS } else { code::VIB_PUBLISHED_ENDS_PERMITTED };
         let unit = Quantity::Acceleration.unit(axis.rotary);
+        let at_override = match self.trial.top_override() {
+            top if top > 1.0 => format!(" and a feed override of {} %", decimal(100.0 * top, 2)),
+            _ => String::new(),
+        };
         let message = format!(
             "the published form steps the velocity by {} mm/s at its start and by up to {} mm/s at each clamp and at its end{}: \
-             at this period up to {} {unit} of the {} axis, whose limit is {}",
+             at this period{at_override} up to {} {unit} of the {} axis, whose limit is {}",
             decimal(ends.start_velocity_step_mm_per_s, 2),
             decimal(ends.clamp_velocity_step_mm_per_s, 2),
             if ends.has_corners { ", and turns with the path at corners" } else { "" },

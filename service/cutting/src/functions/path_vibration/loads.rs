@@ -33,6 +33,8 @@ pub(super) struct AxisLoads {
     /// Slowest and fastest programmed feed, mm/s.
     least_feed_mm_per_s: f64,
     top_feed_mm_per_s: f64,
+    /// Largest feed override that the machine permits or the plan has, at least 1.
+    top_override: f64,
     /// Per machine axis.
     axes: Vec<AxisLoad>,
     /// First element that the axes cannot follow.
@@ -138,6 +140,7 @@ impl AxisLoads {
             part_feed_mm_per_s: 0.0,
             least_feed_mm_per_s: f64::INFINITY,
             top_feed_mm_per_s: 0.0,
+            top_override: 1.0,
             axes: vec![AxisLoad::default(); machine.axes.len()],
             exceeded: None,
             largest_amplitude_mm: None,
@@ -147,6 +150,11 @@ impl AxisLoads {
             curves: Vec::new(),
             is_incomplete: false,
         }
+    }
+
+    /// The feed may be so many times the programmed one.
+    pub(super) fn permit(&mut self, feed_override: f64) {
+        self.top_override = self.top_override.max(feed_override);
     }
 
     pub(super) fn start_part(&mut self, feed_mm_per_s: f64) {
@@ -166,6 +174,7 @@ impl AxisLoads {
     pub(super) fn join(&mut self, other: &Self) {
         self.least_feed_mm_per_s = self.least_feed_mm_per_s.min(other.least_feed_mm_per_s);
         self.top_feed_mm_per_s = self.top_feed_mm_per_s.max(other.top_feed_mm_per_s);
+        self.permit(other.top_override);
         for (load, other) in self.axes.iter_mut().zip(&other.axes) {
             load.worst_direction = load.worst_direction.max(other.worst_direction);
             load.kink = load.kink.max(other.kink);
@@ -310,7 +319,7 @@ impl AxisLoads {
         let ends = || {
             let binds = settings.envelope == VibrationEnvelope::Published && settings.published_limits_bind;
             // A published vibration has no blend, whatever the feed.
-            let feed_mm_per_s = largest_ratio * self.top_feed_mm_per_s;
+            let feed_mm_per_s = largest_ratio * self.top_override * self.top_feed_mm_per_s;
             let axis = binds.then(|| self.exceeding(&demand.peaks(0.0), feed_mm_per_s, period_s)).flatten()?;
             let (demanded, permitted) = (axis.acceleration_per_s2, axis.max_acceleration_per_s2);
             let (name, rotary) = (axis.axis.into(), axis.rotary);
@@ -406,7 +415,8 @@ impl AxisLoads {
             .map(|(load, axis)| {
                 let (mut demanded, mut limits) = (load.demanded(), limits_of(axis));
                 if let Some(period_s) = published_period_s {
-                    demanded[1] = demanded[1].max(load.at_steps(&peaks, self.top_feed_mm_per_s, period_s));
+                    demanded[1] =
+                        demanded[1].max(load.at_steps(&peaks, self.top_override * self.top_feed_mm_per_s, period_s));
                 }
                 for (index, refused) in load.refused.iter().enumerate() {
                     if let Some([demand, permitted]) = *refused
@@ -437,7 +447,7 @@ impl AxisLoads {
             clamp_velocity_step_mm_per_s: clamp_step_mm_per_s,
             clamp_acceleration_mm_per_s2: clamp_step_mm_per_s / period_s,
             has_corners: self.axes.iter().any(|load| load.kink > TANGENT_TOLERANCE_RAD),
-            exceeded: self.exceeding(&peaks, self.top_feed_mm_per_s, period_s),
+            exceeded: self.exceeding(&peaks, self.top_override * self.top_feed_mm_per_s, period_s),
         }
     }
 

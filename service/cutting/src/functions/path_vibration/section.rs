@@ -134,6 +134,7 @@ impl SectionAnalyzer {
     #[must_use]
     pub fn with_feed_overrides(mut self, max_feed_override: f64, changes: bool) -> Self {
         self.chips = self.chips.with_overrides(max_feed_override, changes);
+        self.loads.permit(max_feed_override);
         self
     }
 
@@ -141,6 +142,7 @@ impl SectionAnalyzer {
     /// before.
     pub fn is_cut(&mut self, up_to_mm: f64, feed_override: f64) {
         self.chips.is_cut(up_to_mm, feed_override);
+        self.loads.permit(feed_override);
     }
 
     /// A move of a drilling cycle is in the section.

@@ -118,13 +118,13 @@ pub(in crate::interpreter) fn rounding(first: &Segment, next: &Segment, radius: 
 
 /// The largest size, in steps of 0.1 µm, below one that does not fit; `None` where none does.
 pub(in crate::interpreter) fn largest_that_fits(fits: impl Fn(f64) -> bool, size: f64) -> Option<f64> {
-    const STEPS_PER_MM: f64 = 1e4;
+    const STEPS: f64 = 1e4;
     let (mut least, mut most) = (0.0, size);
     for _ in 0..64 {
         let middle = 0.5 * (least + most);
         (least, most) = if fits(middle) { (middle, most) } else { (least, middle) };
     }
-    let size = libm::floor(least * STEPS_PER_MM) / STEPS_PER_MM;
+    let size = libm::floor(least * STEPS) / STEPS;
     (size > 0.0 && fits(size)).then_some(size)
 }
 

@@ -117,8 +117,14 @@ impl Execution<'_> {
         self.used = u32::MAX;
         if is_known {
             let message = format!("{} has no drilling cycle in force to carry out at its holes", pattern.name());
-            let cure =
-                "open one before it, with L0 where there is no hole at its own place, such as G81 Z-10. R2. F100. L0";
+            let cure = match self.state.inch {
+                true => {
+                    "open one before it, with L0 where there is no hole at its own place, such as G81 Z-0.4 R0.1 F4. L0"
+                }
+                false => {
+                    "open one before it, with L0 where there is no hole at its own place, such as G81 Z-10. R2. F100. L0"
+                }
+            };
             self.bolt_word(span, message, cure);
         }
     }

@@ -55,7 +55,7 @@ pub(crate) fn called_program(
         && settings.program_number_digits == 4
         && !has_l
         && (digits > 4 || p > 9_999);
-    if splits { (p % 10_000, Some(p / 10_000)) } else { (p, None) }
+    if splits { (p % 10_000, Some(p / 10_000).filter(|&repeats| repeats > 0)) } else { (p, None) }
 }
 
 /// The words of a macro call.
@@ -150,6 +150,9 @@ impl Interpreter {
         };
         let digits = self.block.word(b'P').map_or(0, |word| word.number.integer_digits());
         let times = self.whole_word(b'L');
+        if times == Some(0) && self.reports_no_repeats(span, findings) {
+            return false;
+        }
         let has_l = self.block.word(b'L').is_some();
         let (number, before) = called_program(&self.table, &self.settings, p, digits, has_l);
         let repeats = before.or(times).unwrap_or(1);
@@ -219,6 +222,9 @@ impl Interpreter {
             None => 1,
             Some(repeats) => whole(Some(repeats)).map_or(1, |repeats| repeats as u32).min(MAX_REPEATS),
         };
+        if repeats == 0 && self.reports_no_repeats(span, findings) {
+            return false;
+        }
         let target = CallTarget::Program { number: number as u32, label: None };
         let kind = if modal { CallKind::Modal { level: 0 } } else { CallKind::Macro };
         let by_code = self.block.calls_by_code;
@@ -322,6 +328,19 @@ impl Interpreter {
                 .suggest_replacement("write the decimal point", format!("{letter}{scaled:?}"))
         });
         Some(scaled)
+    }
+
+    /// `L0` of a call of Macro B, which is then reported: some controls pass the call over, others make it once.
+    #[cold]
+    fn reports_no_repeats(&self, span: SourceSpan, findings: &mut FindingLog) -> bool {
+        let is_unclear = self.table.dialect.flow == Flow::MacroB;
+        if is_unclear {
+            findings.push_with(code::WORD_CONFLICT, |code| {
+                Finding::new(code, span, "L0: some controls pass the call over, others make it once")
+                    .suggest("leave L out for one call, or leave the block out")
+            });
+        }
+        is_unclear
     }
 
     /// `G67`: the newest modal macro ends.

@@ -31,7 +31,8 @@ impl Interpreter {
                 )
             });
             self.end(span, operations, findings);
-            self.state.reported.trailing = true;
+            // What is behind it is read where it is called, or is another program, which may be the main one.
+            self.state.reported.trailing = !self.state.flow.may_be_subprogram;
         }
     }
 
@@ -155,11 +156,13 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) {
         if self.block.code(Group::Subprogram).is_some() {
-            self.state.flow.has_jumped = true;
+            let had_jumped = std::mem::replace(&mut self.state.flow.has_jumped, true);
             if !self.subprogram(findings) {
                 let span = self.block.span();
                 return self.give_up(span, operations, findings);
             }
+            let returns = self.state.flow.restarts_at.is_some();
+            self.state.flow.may_be_subprogram = returns && !had_jumped && self.table.dialect.flow == Flow::MacroB;
         }
         if self.block.code(Group::MacroCall).is_some() {
             self.end_modal_call();

@@ -10,7 +10,10 @@ pub(super) static ROWS: &[Row] = &[
     (4_001, 4_030, |system, place| modal(system, place + 1).map(Some)),
     (4_109, 4_109, |system, _| Some(Some(system.state.thread.lead_as_written.unwrap_or(system.state.feed_as_written)))),
     (4_111, 4_111, |system, _| Some(Some(f64::from(length_number(system))))),
-    (4_107, 4_107, |system, _| number(system.state.compensation.number)),
+    (4_107, 4_107, |system, _| {
+        let is_mill = system.settings.dialect == DialectName::Mill;
+        number(system.state.compensation.number.or(is_mill.then_some(0)))
+    }),
     (4_113, 4_113, |system, _| number(system.state.m_code)),
     (4_114, 4_114, |system, _| number(system.state.sequence_number)),
     (4_115, 4_115, |system, _| number(system.state.program_number)),

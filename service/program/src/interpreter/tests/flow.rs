@@ -290,6 +290,38 @@ fn further_files_are_found_by_name_and_by_number() {
     assert_eq!(found, [(0, 1, 1.0), (1, 2, 2.0), (2, 5, 3.0), (0, 4, 4.0)]);
 }
 
+/// A dump of a control's memory has its programs by number: a subprogram may come first.
+#[test]
+fn a_subprogram_that_comes_first_is_not_the_main_program() {
+    let found = |program: &str| -> Vec<_> {
+        let (_, findings) = interpret(program.as_bytes(), mill());
+        findings.findings().iter().map(|finding| (finding.code.name(), finding.span.line)).collect()
+    };
+    let (sub, main) = ("O9001(SUB)\nG91 G0 X1.\nM99\n", "O0001(MAIN)\nG90 G0 X0 Y0\nM98 P9001 L3\nM30\n");
+    let unclear = [("PRG-MAIN-RETURN", 3), ("PRG-MAIN-UNCLEAR", 4)];
+    assert_eq!(found(&format!("{sub}{main}")), unclear);
+    assert_eq!(found(&format!("%\n{sub}%\n%\n{main}%\n")), [("PRG-MAIN-RETURN", 4), ("PRG-MAIN-UNCLEAR", 7)]);
+    assert_eq!(found(&format!("{main}{sub}")), []);
+    // What calls is no subprogram that nobody calls here, and what nothing stands behind may be either.
+    assert_eq!(found(&format!("O1\nM98 P9001\nM99\n{sub}")), [("PRG-MAIN-RETURN", 3)]);
+    assert_eq!(found(&format!("{sub}(a note)\nG0 X5\n")), [("PRG-MAIN-RETURN", 3)]);
+}
+
+/// Controls differ in what no repetition means.
+#[test]
+fn a_call_without_a_repetition_is_refused() {
+    for call in ["M98 P20 L0", "G65 P20 L0 A1."] {
+        let (_, findings) = interpret(format!("G0 X0\n{call}\nM30\nO20\nG0 X1\nM99\n").as_bytes(), mill());
+        assert_eq!(
+            findings.findings().iter().map(|it| it.code.name()).collect::<Vec<_>>(),
+            ["PRG-WORD-CONFLICT"],
+            "{call}"
+        );
+    }
+    // Digits before the number that are zeros are no repetitions.
+    assert_eq!(xs("M98 P00020\nM30\nO20\nG0 X3\nM99\n", &mill()), [3.0]);
+}
+
 #[test]
 fn a_program_that_is_there_twice_is_not_called() {
     let [main, one, other] = ["M98 P2000\nM30\n", "O2000\nG0 X1\nM99\n", "O2000\nG0 X2\nM99\n"];

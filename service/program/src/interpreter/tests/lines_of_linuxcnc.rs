@@ -43,7 +43,8 @@ fn a_line_number_is_the_first_word() {
 #[test]
 fn a_move_may_follow_a_dwell() {
     check(&linuxcnc(), "G0 G4 P1 X5", "dwell 1\nrapid 0 -> X5");
-    check(&linuxcnc(), "G0\nG4 P1 X5", "! 2:7+2 PRG-WORD-UNUSED");
+    check(&linuxcnc(), "G0\nG4 P1 X5\nG4 P2 @3 ^90", "dwell 1\nrapid 0 -> X5\ndwell 2\nrapid X5 -> Y3");
+    check(&linuxcnc(), "G4 P1 X5", "! 1:1+8 PRG-MOTION-MISSING");
     check(&mill(), "G0\nG4 X5", "dwell 5");
 }
 

@@ -113,8 +113,12 @@ fn dwell_modes_offsets_and_motion() {
             "line 0 -> X5 @10/min\narc X5 -> X7 about 6,0 by -180 @10/min",
         );
         check(&settings, "G0 X1 M0", "rapid 0 -> X1\nstop false");
-        // The words of G4 are its own, in FANUC and here: nothing moves in its block.
-        check(&settings, "G0 X1\nG4 P2 Y5", "rapid 0 -> X1\n! 2:7+2 PRG-WORD-UNUSED");
+        // The words of G4 are its own on FANUC and Haas controls; in LinuxCNC the motion in force follows it.
+        let behind = match settings.dialect {
+            crate::DialectName::LinuxCnc => "dwell 2\nrapid X1 -> X1 Y5",
+            _ => "! 2:7+2 PRG-WORD-UNUSED",
+        };
+        check(&settings, "G0 X1\nG4 P2 Y5", &format!("rapid 0 -> X1\n{behind}"));
     }
 }
 

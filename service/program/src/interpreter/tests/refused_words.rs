@@ -28,14 +28,14 @@ fn polar_words_that_place_nothing_are_refused() {
         "G10 L2 P1 @5",
         "G10 L20 P1 @1 ^2",
         "G43.1 @1",
-        "G4 P1 @1",
-        "G0\nG4 P1 @1 ^0",
         "G80 @5 ^1",
         "G18 M3 S100\nG76 @5 Z1",
     ] {
         assert_eq!(codes(&linuxcnc(), program), ["PRG-POLAR-WORD"], "{program}");
     }
-    assert_eq!(codes(&linuxcnc(), "@1 ^2"), ["PRG-MOTION-MISSING"]);
+    for program in ["@1 ^2", "G4 P1 @1 ^2"] {
+        assert_eq!(codes(&linuxcnc(), program), ["PRG-MOTION-MISSING"], "{program}");
+    }
     assert_eq!(codes(&mill(), "G0 X1 @10"), ["PRG-CHARACTER"]);
 }
 

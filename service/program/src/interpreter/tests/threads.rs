@@ -108,6 +108,21 @@ fn numbers_without_a_decimal_point() {
     );
 }
 
+/// In which increments a feed or lead per revolution counts, depends on the control.
+#[test]
+fn feeds_per_revolution_without_a_decimal_point_are_refused_where_numbers_are_increments() {
+    let settings = LanguageSettings { decimal_point: DecimalPointRule::LeastIncrement, ..lathe() };
+    let refused = "spindle cw 100\n! 2:11+3 PRG-FEED-WITHOUT-POINT";
+    check(&settings, "M3 S100\nG1 Z-1000 F20", refused);
+    check(&settings, "M3 S100\nG32 Z-1000 F15", &refused.replace("2:11", "2:12"));
+    check(
+        &settings,
+        "M3 S100\nG1 Z-1000 F.2\nZ-2000 F20\nZ-3000",
+        "spindle cw 100\nline 0 -> Z-1 @0.2/rev\n! 3:8+3 PRG-FEED-WITHOUT-POINT",
+    );
+    check(&lathe(), "M3 S100\nG1 Z-1 F2", "spindle cw 100\nline 0 -> Z-1 @2/rev");
+}
+
 #[test]
 fn threads_per_inch() {
     check(&lathe(), "M3 S100\nG32 Z-10. E8", "spindle cw 100\nthread 0 -> Z-10 @3.175");

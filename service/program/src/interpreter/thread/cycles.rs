@@ -13,7 +13,7 @@
 use core::ops::RangeInclusive;
 
 use super::super::doubt::SYSTEM_CURE;
-use super::super::execute::Execution;
+use super::super::execute::{Execution, MM_PER_INCH};
 use super::super::motion::Frame;
 use super::Cut;
 use super::infeed::{Infeed, MAX_PASSES, Pass};
@@ -401,6 +401,9 @@ impl Execution<'_> {
             return;
         }
         let span = self.block.span();
+        let unit_mm = if self.state.inch { MM_PER_INCH } else { 1.0 };
+        // A tenth of the height, as the program writes it.
+        let smaller = (0.1 * cycle.height_mm / unit_mm * 10_000.0).ceil() / 10_000.0;
         self.findings.push_with(code::THREAD_CYCLE_VALUE, |code| {
             let (allowance, height) = (modes.allowance_mm, cycle.height_mm);
             let message =
@@ -408,7 +411,7 @@ impl Execution<'_> {
             Finding::new(code, span, message)
                 .with_value("finishing_allowance", allowance, "mm")
                 .with_value("thread_height", height, "mm")
-                .suggest("write a smaller R in the first line of the cycle, such as R0.05")
+                .suggest(format!("write a smaller R in the first line of the cycle, such as R{smaller:?}"))
         });
     }
 

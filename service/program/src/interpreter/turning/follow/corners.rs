@@ -34,7 +34,7 @@ impl Interpreter {
             return refuse(span, "the size of a chamfer or a rounding must be positive", findings);
         }
         let kind = if rounds { CornerKind::Round(size_mm) } else { CornerKind::Chamfer(size_mm) };
-        let corner = Corner { kind, direction: None, plane: Plane::Zx, span };
+        let corner = Corner { kind, direction: None, plane: Plane::Zx, span, inch: self.state.inch };
         if let Some(run) = &mut self.state.flow.contour {
             // A chamfer of no size is none.
             run.asked_corner = (size_mm > 0.0).then_some(corner);
