@@ -443,6 +443,12 @@ impl Block {
         SourceSpan { program: self.program, line: self.line, column: start + 1, length: end - start }
     }
 
+    /// `N`, a whole number that was looked at as it was read.
+    #[inline]
+    pub(crate) fn sequence_number(&self) -> Option<u32> {
+        self.word(b'N').map(|word| word.number.value() as u32)
+    }
+
     /// The word with this letter.
     #[inline]
     pub(crate) const fn word(&self, letter: u8) -> Option<&Word> {

@@ -238,10 +238,8 @@ impl Execution<'_> {
     /// Keeps the numbers of the block and of the program that it begins.
     #[inline]
     fn numbers(&mut self) {
-        // Beyond the bits of the number there is no label.
-        let number = |letter| self.block.word(letter).map(|word| word.number.value() as u32);
-        let (sequence, program) = (number(b'N'), number(b'O'));
-        self.state.sequence_number = sequence.or(self.state.sequence_number);
+        let program = self.block.word(b'O').map(|word| word.number.value() as u32);
+        self.state.sequence_number = self.block.sequence_number().or(self.state.sequence_number);
         self.state.program_number = program.or(self.state.program_number);
     }
 

@@ -174,6 +174,7 @@ impl Interpreter {
             state.motion_code = self.table.code(code.place).tenths as i16;
         }
         state.motion = if kind == MoveKind::Rapid { Motion::Rapid } else { Motion::Linear };
+        state.sequence_number = self.block.sequence_number().or(state.sequence_number);
         state.position = end;
         if end != start {
             let span = self.block.span();
