@@ -118,7 +118,7 @@ fn feeds_per_revolution_without_a_decimal_point_are_refused_where_numbers_are_in
     check(
         &settings,
         "M3 S100\nG1 Z-1000 F.2\nZ-2000 F20\nZ-3000",
-        "spindle cw 100\nline 0 -> Z-1 @0.2/rev\n! 3:8+3 PRG-FEED-WITHOUT-POINT",
+        "spindle cw 100\nline 0 -> Z-1 @0.2/rev\nline Z-2 -> Z-3 @0.2/rev\n! 3:8+3 PRG-FEED-WITHOUT-POINT",
     );
     check(&lathe(), "M3 S100\nG1 Z-1 F2", "spindle cw 100\nline 0 -> Z-1 @2/rev");
 }
