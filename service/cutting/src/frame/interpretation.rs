@@ -1,7 +1,9 @@
 //! What a program asks for, resolved and not planned: the operations of the interpreter in their order.
 
 use feedwave_motion::{Element, Machine, missing_axis};
-use feedwave_program::{FindingLog, Move, Operation, OperationKind, Place, Reader, Reading, SourcePages, SourceSpan};
+use feedwave_program::{
+    Axis, DialectName, FindingLog, Move, Operation, OperationKind, Place, Reader, Reading, SourcePages, SourceSpan,
+};
 
 use crate::PipelineConfig;
 use crate::frame::pipeline::supply;
@@ -32,7 +34,8 @@ pub struct Interpretation {
     pages: SourcePages,
     operations: Vec<Operation>,
     findings: FindingLog,
-    machine: Machine,
+    /// A lathe whose programs may have words of the drawing.
+    lathe: Option<Machine>,
 }
 
 impl Interpretation {
@@ -44,19 +47,21 @@ impl Interpretation {
             pages: SourcePages::default(),
             operations: Vec::new(),
             findings: FindingLog::default(),
-            machine: config.profile.machine.clone(),
+            lathe: (config.profile.language.dialect == DialectName::Lathe).then(|| config.profile.machine.clone()),
         }
     }
 
     /// Reads on, some thousand lines at most.
     pub fn step(&mut self) -> InterpretationStep {
-        let Self { reader, pages, operations, findings, machine } = self;
+        let Self { reader, pages, operations, findings, lathe } = self;
         for _ in 0..LINES_PER_STEP {
             let before = operations.len();
             let reading = reader.read_line(pages, operations, findings);
-            for operation in &operations[before..] {
-                if let OperationKind::Move(mv) = &operation.kind {
-                    check_axes(mv, operation.span, machine, findings);
+            if let Some(lathe) = lathe {
+                for operation in &operations[before..] {
+                    if let OperationKind::Move(mv) = &operation.kind {
+                        check_drawn(mv, operation.span, lathe, findings);
+                    }
                 }
             }
             if findings.has_errors() {
@@ -105,10 +110,13 @@ impl Interpretation {
     }
 }
 
-/// Reports an axis that a move needs and the machine does not have, as planning does.
-fn check_axes(mv: &Move, span: SourceSpan, machine: &Machine, findings: &mut FindingLog) {
+/// Reports A and C of a cut on a lathe that has no such axis: they may be an angle and a chamfer of the drawing, so that the block may
+/// mean another path. Other axes that the machine lacks are for validation.
+fn check_drawn(mv: &Move, span: SourceSpan, machine: &Machine, findings: &mut FindingLog) {
     let Some(element) = Element::from_move(mv, span) else { return };
-    if let Some(axis) = missing_axis(&element, machine) {
-        findings.push(missing(axis, span, machine, may_be_drawn(mv, &element)));
+    if let Some(axis @ (Axis::A | Axis::C)) = missing_axis(&element, machine)
+        && may_be_drawn(mv, &element)
+    {
+        findings.push(missing(axis, span, machine, true));
     }
 }
