@@ -2,7 +2,6 @@
 
 import { element, keep, setAttribute, setLines, setText } from "./dom.js";
 import { read, reasonOf } from "./api.js";
-import { nameOf } from "./state.js";
 import { dropZone } from "./upload.js";
 import { bytes, clock, currentLanguage, duration, number, percent, short, t } from "./text.js";
 
@@ -65,7 +64,7 @@ export const jobs = (place, store) => {
         // On a narrow screen, where a row is a block, each cell says what it is.
         COLUMNS.forEach((column, at) => setAttribute(row.children[at], "data-label", t(column)));
         setText(name.firstChild, job.displayName || job.name.replace("jobs/", ""));
-        setText(machine.firstChild, nameOf(store.machines.get(job.machine) ?? { machine: job.machine }));
+        setText(machine.firstChild, job.machine.replace("machines/", ""));
         setText(word.firstChild, jobState(job));
         setAttribute(word, "data-alarm", ALARMING.has(state));
         // The reason is in English, the word above it is not.
