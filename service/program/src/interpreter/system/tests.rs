@@ -128,6 +128,7 @@ fn section_2_codes_and_numbers_of_blocks_fanuc() {
     let mill = LanguageSettings::mill();
     check(&mill, "O5\nN10 G0 X1\nN20 M8\nG0 X2", &[("#4113", 8.0), ("#4114", 20.0), ("#4115", 5.0)]);
     check(&mill, "N10 G0 X1\nN20 X2\nX3\nN30 Y4", &[("#4114", 30.0)]);
+    check(&mill, "G0 X1", &[("#4107", 0.0)]);
     for (program, text) in
         [("G0 X1", "#4113"), ("G0 X1", "#4114"), ("G0 X1", "#4115"), ("M8\nM97 P5\nM30\nN5 X1\nM99", "#4113")]
     {

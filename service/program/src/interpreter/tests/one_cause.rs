@@ -107,3 +107,20 @@ fn a_text_is_one() {
     one(&mill(), "G0 X1 remove the old part\nG0 X2", "PRG-TEXT", "write comments in ( )");
     assert_eq!(found(&mill(), "GO XY\nG0 X1").len(), 2);
 }
+
+/// What a cure says is in the unit of the program, and right when followed.
+#[test]
+fn cures_of_inch_programs_are_in_inches() {
+    one(&mill(), "G20\nG1 X1. F10. ,R1.5\nY.5", "PRG-CORNER", "write at most 0.5 inch");
+    assert!(found(&mill(), "G20\nG1 X1. F10. ,R0.5\nY.5").is_empty());
+    one(&mill(), "G1 X25. F100 ,R30.\nY10.", "PRG-CORNER", " mm");
+}
+
+/// Start, centre and end rounded to 0.0001 inch: the radii differ by 0.0053 mm.
+#[test]
+fn arcs_of_inch_programs_may_be_off_by_their_rounding() {
+    let arc = "G0 X4.0125 Y-0.5965\nG3 X3.4949 Y-1.5899 I-0.1461 J-0.5553 F10";
+    assert!(found(&mill(), &format!("G20\n{arc}")).is_empty());
+    let in_mm = "G0 X101.9175 Y-15.1511\nG3 X88.77046 Y-40.38346 I-3.71094 J-14.10462 F100";
+    assert_eq!(found(&mill(), in_mm).len(), 1, "0.005 mm in a program of millimetres");
+}
