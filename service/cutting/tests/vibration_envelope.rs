@@ -6,7 +6,9 @@ use std::fmt::Write;
 
 use crate::common::measured::{positions, worst_use};
 use crate::common::{all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
-use feedwave_cutting::{GenerationMode, MachineProfile, OverrideChange, PipelineConfig, VibrationEnvelope};
+use feedwave_cutting::{
+    AxisLoadReport, GenerationMode, MachineProfile, OverrideChange, PipelineConfig, VibrationEnvelope,
+};
 use proptest::prelude::*;
 
 /// 45 Hz and 0.1 mm on the generic lathe, whose axes follow 10 m/s².
@@ -65,6 +67,27 @@ fn the_published_form_says_what_it_asks_for() {
     assert!(!validate(TURNED, &published(true)).is_accepted());
 }
 
+/// The peaks that the report states are those of the setpoints, or a little above them: at starts, clamps, corners and rests.
+#[test]
+fn the_published_form_asks_for_no_more_than_is_reported() {
+    let cornered = "G21 S970 M3\nG0 X30 Z2\nG200 F45 A0.1\nG1 Z-6 F0.1\nG1 X32\nG1 X40 Z-7.3\nG201\nM30\n";
+    for (program, mode) in [TURNED, cornered].into_iter().flat_map(|program| MODES.map(|mode| (program, mode))) {
+        for period_us in [250, 1_000] {
+            let config = lathe(mode, period_us);
+            let config = PipelineConfig { vibration_envelope: VibrationEnvelope::Published, ..config };
+            let axes = &validate(program, &config).sections[0].axes;
+            let stated = |ratio: fn(&AxisLoadReport) -> f64| axes.iter().map(ratio).fold(0.0, f64::max);
+            let acceleration = stated(|axis| axis.acceleration_per_s2 / axis.max_acceleration_per_s2);
+            let jerk = stated(|axis| axis.jerk_per_s3 / axis.max_jerk_per_s3);
+            let ([_, found, found_jerk], at) = worst_use(&run(program, &config), &config, FIT_MM);
+            let case = format!("{mode:?} {period_us}: {found} of {acceleration}, {found_jerk} of {jerk} at {at:?}");
+            assert!(found <= acceleration && found_jerk <= jerk && jerk > 1.0, "{case}");
+            // The period of servo setpoints is a fraction of what is measured here.
+            assert!(mode == GenerationMode::ServoSide || found_jerk > 0.3 * jerk, "{case}");
+        }
+    }
+}
+
 /// What steps by the feed as well, does so at the highest one that is permitted or planned.
 #[test]
 fn the_published_form_is_judged_at_every_feed_override() {
@@ -77,6 +100,7 @@ fn the_published_form_is_judged_at_every_feed_override() {
         let mut config = lathe(GenerationMode::AlongPath, 1_000);
         config.profile.vibration.published_limits_bind = true;
         config.profile.max_feed_override = max_feed_override;
+        config.profile.machine.axes.iter_mut().for_each(|axis| axis.max_jerk_per_s3 = 20e6);
         let config = PipelineConfig { vibration_envelope: VibrationEnvelope::Published, overrides, ..config };
         let report = validate(&program(feed), &config);
         let is_refused = report.findings.iter().any(|finding| finding.code == "VIB-PUBLISHED-ENDS");

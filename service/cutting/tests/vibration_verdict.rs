@@ -2,7 +2,9 @@
 
 use crate::common::machines::{config_of, kinds};
 use crate::common::validate;
-use feedwave_cutting::{MachineProfile, PipelineConfig, SectionReport, ValidationReport, VibrationEnvelope};
+use feedwave_cutting::{
+    AxisLoadReport, MachineProfile, PipelineConfig, SectionReport, ValidationReport, VibrationEnvelope,
+};
 use feedwave_program::{Finding, Severity};
 
 /// 45 Hz and 0.1 mm: the sine itself asks for 8 m/s² of the generic lathe, whose axes follow 10; its steps for 30.
@@ -24,9 +26,13 @@ fn value<'a>(finding: &'a Finding, name: &str) -> (f64, &'a str) {
     value.map(|value| (value.value, value.unit.as_ref())).unwrap_or_else(|| panic!("no {name} in {finding:#?}"))
 }
 
+fn axis<'a>(section: &'a SectionReport, name: &str) -> &'a AxisLoadReport {
+    section.axes.iter().find(|axis| axis.axis == name).expect("the axis moves")
+}
+
 /// Acceleration, its limit and the utilisation of an axis.
 fn row(section: &SectionReport, name: &str) -> (f64, f64, f64) {
-    let axis = section.axes.iter().find(|axis| axis.axis == name).expect("the axis moves");
+    let axis = axis(section, name);
     (axis.acceleration_per_s2, axis.max_acceleration_per_s2, axis.utilisation)
 }
 
@@ -37,14 +43,26 @@ fn steps_that_no_axis_follows_are_in_its_row_and_in_the_verdict_whether_they_bin
         assert_eq!(report.is_accepted(), !bind);
         let section = &report.sections[0];
         let finding = the_finding(&report, "VIB-PUBLISHED-ENDS");
-        let (demanded, limit, utilisation) = row(section, "Z");
-        assert_eq!((value(finding, "demanded"), value(finding, "limit")), ((demanded, "mm/s²"), (limit, "mm/s²")));
+        let (demanded, limit, _) = row(section, "Z");
         assert!(demanded > 29_000.0 && limit == 10_000.0, "{demanded} of {limit}");
-        assert_eq!(utilisation, demanded / limit);
+        let axis = axis(section, "Z");
+        // Of the limits that of jerk is exceeded most.
+        let jerk = (axis.jerk_per_s3, axis.max_jerk_per_s3);
+        assert_eq!((value(finding, "demanded"), value(finding, "limit")), ((jerk.0, "mm/s³"), (jerk.1, "mm/s³")));
+        assert!(jerk.0 > 29e6 && jerk.1 == 5e6, "{jerk:?}");
+        assert_eq!(axis.utilisation, jerk.0 / jerk.1);
         assert!(!section.feasible);
     }
-    // Where the axis follows the steps too, it can follow.
+    // Where the axis follows the jerk of the steps, their acceleration decides.
     let mut config = published(true);
+    config.profile.machine.axes.iter_mut().for_each(|axis| axis.max_jerk_per_s3 = 35e6);
+    let report = validate(TURNED, &config);
+    assert!(!report.is_accepted());
+    let (demanded, limit, utilisation) = row(&report.sections[0], "Z");
+    let finding = the_finding(&report, "VIB-PUBLISHED-ENDS");
+    assert_eq!((value(finding, "demanded"), value(finding, "limit")), ((demanded, "mm/s²"), (limit, "mm/s²")));
+    assert_eq!(utilisation, demanded / limit);
+    // Where the axis follows the steps too, it can follow.
     for axis in &mut config.profile.machine.axes {
         axis.max_acceleration_per_s2 = 31_000.0;
     }
@@ -119,7 +137,7 @@ fn steps_beyond_a_rotary_axis_are_in_degrees() {
     let ends = report.sections[0].published_ends.as_ref().unwrap();
     let exceeded = ends.exceeded.as_ref().unwrap();
     assert_eq!((exceeded.axis.as_str(), exceeded.rotary), ("C", true));
-    assert_eq!(value(finding, "demanded"), (exceeded.acceleration_per_s2, "deg/s²"));
-    assert_eq!(value(finding, "limit").1, "deg/s²");
-    assert!(finding.message.contains("deg/s² of the C axis"), "{}", finding.message);
+    assert_eq!(value(finding, "demanded"), (exceeded.jerk_per_s3, "deg/s³"));
+    assert_eq!(value(finding, "limit"), (exceeded.max_jerk_per_s3, "deg/s³"));
+    assert!(finding.message.contains("deg/s³ of the C axis"), "{}", finding.message);
 }

@@ -96,9 +96,15 @@ fn envelope_rows(rows: &mut Rows, section: &SectionReport) {
     );
     if let Some(axis) = &ends.exceeded {
         let rotary = section.axes.iter().any(|load| load.rotary && load.axis == axis.axis);
-        let (per, unit) = if rotary { (1.0, "°/s²") } else { (1e3, "m/s²") };
-        let limit = number(axis.max_acceleration_per_s2 / per, 4);
-        rows.row("", rows.style.bad(&format!("the {} axis follows {limit} {unit}", axis.axis)));
+        let (per, unit) = if rotary { (1.0, "°") } else { (1e3, "m") };
+        let [acceleration, most] =
+            [axis.acceleration_per_s2, axis.max_acceleration_per_s2].map(|value| number(value / per, 4));
+        let [jerk, most_jerk] = [axis.jerk_per_s3, axis.max_jerk_per_s3].map(|value| number(value / per, 4));
+        let asked = format!(
+            "the {} axis is asked for {acceleration} {unit}/s² of {most}, {jerk} {unit}/s³ of {most_jerk}",
+            axis.axis
+        );
+        rows.row("", rows.style.bad(&asked));
     }
 }
 

@@ -117,7 +117,7 @@ feedwave_program::finding_codes! {
 
     "VIB-PUBLISHED-ENDS" [VIB_PUBLISHED_ENDS: Error, VIB_PUBLISHED_ENDS_PERMITTED: Warning] {
         meaning: "the published form of a vibration steps the velocity at its ends by more than an axis can \
-              accelerate: an error where the profile lets limits bind",
+              follow: an error where the profile lets limits bind",
         cause: "The whole sine starts and ends at once, and is clamped at the ends of the section.",
         cure: "Blend the vibration in and out. `vibration.published_limits_bind` says whether this is an error; the report says \
               that the axes cannot follow in both cases.",

@@ -347,7 +347,8 @@ impl Evidence {
         let Some(axis) = &ends.exceeded else { return };
         let bind = self.settings.published_limits_bind;
         let code = if bind { code::VIB_PUBLISHED_ENDS } else { code::VIB_PUBLISHED_ENDS_PERMITTED };
-        let unit = Quantity::Acceleration.unit(axis.rotary);
+        let (quantity, [demanded, limit]) = axis.most_exceeded();
+        let unit = quantity.unit(axis.rotary);
         let at_override = match self.trial.top_override() {
             top if top > 1.0 => format!(" and a feed override of {} %", decimal(100.0 * top, 2)),
             _ => String::new(),
@@ -358,17 +359,17 @@ impl Evidence {
             decimal(ends.start_velocity_step_mm_per_s, 2),
             decimal(ends.clamp_velocity_step_mm_per_s, 2),
             if ends.has_corners { ", and turns with the path at corners" } else { "" },
-            decimal(axis.acceleration_per_s2, 0),
+            decimal(demanded, 0),
             axis.axis,
-            decimal(axis.max_acceleration_per_s2, 0)
+            decimal(limit, 0)
         );
         findings.push(
             Finding::new(code, self.on_span, message)
-                .ranked(axis.axis.clone(), axis.acceleration_per_s2 / axis.max_acceleration_per_s2)
+                .ranked(axis.axis.clone(), demanded / limit)
                 .with_value("start_velocity_step", ends.start_velocity_step_mm_per_s, "mm/s")
                 .with_value("clamp_velocity_step", ends.clamp_velocity_step_mm_per_s, "mm/s")
-                .with_value("demanded", axis.acceleration_per_s2, unit)
-                .with_value("limit", axis.max_acceleration_per_s2, unit)
+                .with_value("demanded", demanded, unit)
+                .with_value("limit", limit, unit)
                 .at("line", self.report.first_line.into())
                 .suggest("blend the vibration in and out, so that the axes can follow its beginning and end"),
         );

@@ -8,8 +8,8 @@ use feedwave_program::{Axis, Position};
 
 use super::trial::Objection;
 use super::{
-    AxisLoadReport, ExceededAxis, PublishedEnds, VibrationCondition, VibrationDemand, VibrationEnvelope,
-    VibrationSettings, sin_turns,
+    AxisLoadReport, ExceededAxis, GenerationMode, PublishedEnds, VibrationCondition, VibrationDemand,
+    VibrationEnvelope, VibrationSettings, sin_turns,
 };
 
 /// Differently directed or cut elements that are kept to judge another vibration on.
@@ -72,6 +72,17 @@ pub(super) struct Exceeded {
     pub(super) line: u32,
 }
 
+/// What a published vibration steps beside itself, and how it is seen.
+#[derive(Clone, Copy, Debug)]
+struct Steps {
+    /// The highest feed.
+    feed_mm_per_s: f64,
+    /// The period of setpoints, or of servo setpoints.
+    period_s: f64,
+    /// Whether the command rests at corners until the offset is 0.
+    rests: bool,
+}
+
 #[derive(Clone, Copy, Debug, Default)]
 struct AxisLoad {
     worst_direction: f64,
@@ -94,13 +105,23 @@ impl AxisLoad {
         }
     }
 
-    /// Largest acceleration where a published vibration with these peaks steps the velocity, seen in setpoints of a period, per
-    /// s²: at its ends and clamps to or from rest, at corners by the change of direction, beside its own acceleration.
-    fn at_steps(&self, peaks: &PathMotion, feed_mm_per_s: f64, period_s: f64) -> f64 {
-        let at_ends = self.worst_direction * (peaks.velocity + feed_mm_per_s) / period_s;
-        // Velocity and acceleration of a sine are a quarter of a period apart.
-        let wave = libm::hypot(self.kink * peaks.velocity / period_s, self.worst_direction * peaks.acceleration);
-        at_ends.max(wave + self.kink * feed_mm_per_s / period_s)
+    /// Largest acceleration and jerk where a published vibration with these peaks steps the velocity, seen in setpoints of a
+    /// period: at its ends and clamps to or from rest, at corners by the change of direction, beside its own.
+    fn at_steps(&self, peaks: &PathMotion, steps: Steps) -> [f64; 2] {
+        let Steps { feed_mm_per_s: feed, period_s: period, rests } = steps;
+        let Self { worst_direction: direction, kink, .. } = *self;
+        let squared = period * period;
+        let acceleration_at_ends = direction * (peaks.velocity + feed) / period;
+        // Velocity and acceleration of a sine are a quarter of a period apart, velocity and jerk are not.
+        let wave = libm::hypot(kink * peaks.velocity / period, direction * peaks.acceleration);
+        let acceleration = acceleration_at_ends.max(wave + kink * feed / period);
+        let jerk_of = |turn: f64| {
+            let along = turn * peaks.velocity / squared + direction * peaks.jerk;
+            turn * feed / squared + libm::hypot(along, turn * peaks.acceleration / period)
+        };
+        // A rest of one period: the second step undoes the first one.
+        let jerk_at_ends = if rests { 2.0 } else { 1.0 } * jerk_of(direction);
+        [acceleration, jerk_at_ends.max(jerk_of(kink))]
     }
 
     fn demanded(&self) -> [f64; 3] {
@@ -319,11 +340,10 @@ impl AxisLoads {
         let ends = || {
             let binds = settings.envelope == VibrationEnvelope::Published && settings.published_limits_bind;
             // A published vibration has no blend, whatever the feed.
-            let feed_mm_per_s = largest_ratio * self.top_override * self.top_feed_mm_per_s;
-            let axis = binds.then(|| self.exceeding(&demand.peaks(0.0), feed_mm_per_s, period_s)).flatten()?;
-            let (demanded, permitted) = (axis.acceleration_per_s2, axis.max_acceleration_per_s2);
-            let (name, rotary) = (axis.axis.into(), axis.rotary);
-            Some(Objection::Axis { name, quantity: Quantity::Acceleration, rotary, demanded, permitted })
+            let steps = self.steps(largest_ratio, period_s);
+            let axis = binds.then(|| self.exceeding(&demand.peaks(0.0), steps)).flatten()?;
+            let (quantity, [demanded, permitted]) = axis.most_exceeded();
+            Some(Objection::Axis { name: axis.axis.into(), quantity, rotary: axis.rotary, demanded, permitted })
         };
         // Of curves that are not kept it is known only that they allow what is programmed.
         let is_known = || {
@@ -415,8 +435,8 @@ impl AxisLoads {
             .map(|(load, axis)| {
                 let (mut demanded, mut limits) = (load.demanded(), limits_of(axis));
                 if let Some(period_s) = published_period_s {
-                    demanded[1] =
-                        demanded[1].max(load.at_steps(&peaks, self.top_override * self.top_feed_mm_per_s, period_s));
+                    let [acceleration, jerk] = load.at_steps(&peaks, self.steps(1.0, period_s));
+                    demanded = [demanded[0], demanded[1].max(acceleration), demanded[2].max(jerk)];
                 }
                 for (index, refused) in load.refused.iter().enumerate() {
                     if let Some([demand, permitted]) = *refused
@@ -446,23 +466,36 @@ impl AxisLoads {
             start_acceleration_mm_per_s2: first_mm / (period_s * period_s),
             clamp_velocity_step_mm_per_s: clamp_step_mm_per_s,
             clamp_acceleration_mm_per_s2: clamp_step_mm_per_s / period_s,
-            has_corners: self.axes.iter().any(|load| load.kink > TANGENT_TOLERANCE_RAD),
-            exceeded: self.exceeding(&peaks, self.top_override * self.top_feed_mm_per_s, period_s),
+            has_corners: self.has_corners(),
+            exceeded: self.exceeding(&peaks, self.steps(1.0, period_s)),
         }
     }
 
-    /// The axis whose acceleration limit the steps of a published vibration exceed most.
-    fn exceeding(&self, peaks: &PathMotion, feed_mm_per_s: f64, period_s: f64) -> Option<ExceededAxis> {
-        let demands = self.axes.iter().map(|load| load.at_steps(peaks, feed_mm_per_s, period_s));
-        let ratio = |(demand, axis): &(f64, &MachineAxis)| demand / axis.max_acceleration_per_s2;
-        let (acceleration_per_s2, axis) =
-            demands.zip(&self.machine.axes).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
-        (acceleration_per_s2 > axis.max_acceleration_per_s2).then(|| ExceededAxis {
-            axis: axis.name.clone(),
-            rotary: axis.axis.is_rotary(),
-            acceleration_per_s2,
-            max_acceleration_per_s2: axis.max_acceleration_per_s2,
-        })
+    fn has_corners(&self) -> bool {
+        self.axes.iter().any(|load| load.kink > TANGENT_TOLERANCE_RAD)
+    }
+
+    /// The steps at the highest feed that is permitted or planned, times a ratio.
+    fn steps(&self, feed_ratio: f64, period_s: f64) -> Steps {
+        let feed_mm_per_s = feed_ratio * self.top_override * self.top_feed_mm_per_s;
+        let is_along_path = self.settings.generation_mode == GenerationMode::AlongPath;
+        Steps { feed_mm_per_s, period_s, rests: !is_along_path && self.has_corners() }
+    }
+
+    /// The axis whose limits the steps of a published vibration exceed most.
+    fn exceeding(&self, peaks: &PathMotion, steps: Steps) -> Option<ExceededAxis> {
+        let demanded = self.axes.iter().zip(&self.machine.axes).map(|(load, axis)| {
+            let [acceleration_per_s2, jerk_per_s3] = load.at_steps(peaks, steps);
+            ExceededAxis {
+                axis: axis.name.clone(),
+                rotary: axis.axis.is_rotary(),
+                acceleration_per_s2,
+                max_acceleration_per_s2: axis.max_acceleration_per_s2,
+                jerk_per_s3,
+                max_jerk_per_s3: axis.max_jerk_per_s3,
+            }
+        });
+        demanded.max_by(|a, b| a.utilisation().total_cmp(&b.utilisation())).filter(|axis| axis.utilisation() > 1.0)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What validation says about one vibrating section.
 
-use feedwave_motion::PathMotion;
+use feedwave_motion::{PathMotion, Quantity};
 use feedwave_program::DrillingCycle;
 
 use super::chip::{ChipReport, SurfaceSpeedReport};
@@ -246,21 +246,44 @@ pub struct PublishedEnds {
     pub clamp_acceleration_mm_per_s2: f64,
     /// Whether there are corners, at which the velocity of the axes steps with the direction of the path.
     pub has_corners: bool,
-    /// The axis whose acceleration limit is exceeded most, at an end, a clamp or a corner.
+    /// The axis whose limits of acceleration and jerk are exceeded most, at an end, a clamp or a corner.
     pub exceeded: Option<ExceededAxis>,
 }
 
-/// An axis that cannot follow.
+/// An axis that cannot follow: its acceleration, its jerk or both are too large.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExceededAxis {
     /// Name of the axis column.
     pub axis: String,
     /// Whether it turns: its values are degrees.
     pub rotary: bool,
-    /// What is asked of it, per s².
+    /// Acceleration that is asked of it, per s².
     pub acceleration_per_s2: f64,
     /// Its limit, per s².
     pub max_acceleration_per_s2: f64,
+    /// Jerk that is asked of it, per s³: of a step, the third difference of setpoints.
+    pub jerk_per_s3: f64,
+    /// Its limit, per s³.
+    pub max_jerk_per_s3: f64,
+}
+
+impl ExceededAxis {
+    /// What is exceeded most: what is asked for and the limit.
+    pub(super) fn most_exceeded(&self) -> (Quantity, [f64; 2]) {
+        let acceleration = [self.acceleration_per_s2, self.max_acceleration_per_s2];
+        let jerk = [self.jerk_per_s3, self.max_jerk_per_s3];
+        if jerk[0] * acceleration[1] > acceleration[0] * jerk[1] {
+            (Quantity::Jerk, jerk)
+        } else {
+            (Quantity::Acceleration, acceleration)
+        }
+    }
+
+    /// What is asked for over the limit, of what is exceeded most.
+    pub(super) fn utilisation(&self) -> f64 {
+        let (_, [demanded, limit]) = self.most_exceeded();
+        demanded / limit
+    }
 }
 
 /// How finely the wave is sampled.

@@ -92,6 +92,8 @@ fn published_ends(ends: &PublishedEnds) -> proto::PublishedEnds {
             axis: axis.axis.clone(),
             acceleration_per_s2: axis.acceleration_per_s2,
             max_acceleration_per_s2: axis.max_acceleration_per_s2,
+            jerk_per_s3: axis.jerk_per_s3,
+            max_jerk_per_s3: axis.max_jerk_per_s3,
         }),
     }
 }

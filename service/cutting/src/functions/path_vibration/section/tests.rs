@@ -246,13 +246,14 @@ fn axes_that_cannot_follow_are_named_with_what_fits() {
     assert!(!codes(&findings).contains(&"VIB-AXIS-VELOCITY"), "314 mm/s are within 500");
     assert_eq!(report.axes.len(), 1, "only Z moves");
     let rad_per_s = TAU * 100.0;
-    assert!((report.axes[0].jerk_per_s3 - rad_per_s * rad_per_s * rad_per_s * 0.5).abs() < 1e-6);
+    let inside = rad_per_s * rad_per_s * rad_per_s * 0.5;
+    // A step of 2πfA in setpoints of 1 ms, beside the sine's own jerk.
+    assert!(report.axes[0].jerk_per_s3 > inside + rad_per_s * 0.5 / 1e-6);
     assert!(report.axes[0].utilisation > 1.0);
 
-    // Blended, its ends ask for a little more.
+    // Blended, its ends ask for a little more than what is inside.
     let (blended, findings) = Run::example(100.0, 0.5).finish();
-    assert!(blended.axes[0].jerk_per_s3 > report.axes[0].jerk_per_s3);
-    assert!(blended.axes[0].jerk_per_s3 < 1.001 * report.axes[0].jerk_per_s3);
+    assert!(blended.axes[0].jerk_per_s3 > inside && blended.axes[0].jerk_per_s3 < 1.001 * inside);
     let jerk = findings.iter().find(|finding| finding.code == "VIB-AXIS-JERK").unwrap();
     // What is suggested fits, and hardly more does.
     let amplitude_mm = suggested(jerk, "amplitude")[0];
@@ -289,7 +290,7 @@ fn a_curve_takes_its_part_of_the_limits() {
 fn a_section_shorter_than_its_travel_is_mostly_clamped() {
     let blocks = vec![(straight((5.0, 0.0), (5.0, 0.05), 3), Feed::PerRevolution(0.01), turning(1_000.0))];
     let (_, findings) = Run::example(125.0 / 3.0, 0.03).with_blocks(blocks).published().finish();
-    assert_eq!(codes(&findings), ["VIB-TRAVEL-SHORT"]);
+    assert_eq!(codes(&findings), ["VIB-TRAVEL-SHORT", "VIB-PUBLISHED-ENDS"]);
     assert!(findings[0].message.contains("30 %"), "{}", findings[0].message);
     assert_eq!(replacements(&findings[0]), ["A0.025"]);
 
@@ -330,13 +331,11 @@ fn corners_make_the_tangential_command_rest() {
     let run = |mode| Run::example(125.0 / 3.0, 0.03).with_blocks(blocks()).with_mode(mode).published().finish();
     for mode in [GenerationMode::Tangential, GenerationMode::ServoSide] {
         let (report, findings) = run(mode);
-        // On the servo period the steps at clamps are steeper than the axis follows.
-        let also: &[&str] = if mode == GenerationMode::ServoSide { &["VIB-PUBLISHED-ENDS"] } else { &[] };
-        assert_eq!(codes(&findings), [&["VIB-JUNCTION-JUMP"], also].concat());
+        assert_eq!(codes(&findings), ["VIB-JUNCTION-JUMP", "VIB-PUBLISHED-ENDS"]);
         assert!((report.junction_jump_mm - 0.03 * 2.0f64.sqrt()).abs() < 1e-12);
         assert!(findings[0].message.contains("line 4"));
     }
-    assert_eq!(codes(&run(GenerationMode::AlongPath).1), [] as [&str; 0]);
+    assert_eq!(codes(&run(GenerationMode::AlongPath).1), ["VIB-PUBLISHED-ENDS"]);
 }
 
 #[test]
