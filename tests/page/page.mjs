@@ -180,6 +180,9 @@ const jobs = async (wrong) => {
   const row = page.locator("table.jobs tbody tr", { hasText: "Wrong" });
   assert.match(await row.innerText(), /rejected/i);
   assert.match(await row.innerText(), new RegExp(`errors: ${wrong.summary.errors}\\b`));
+  const machine = await service.get(`/v1/${wrong.machine}/state`);
+  const name = machine.displayName || wrong.machine.replace("machines/", "");
+  await until("machines have their names", async () => (await row.locator("td").first().innerText()) === name);
   await isAccessible(page, "jobs");
   await shot(page, "jobs");
   await row.locator("a").click();

@@ -2,6 +2,7 @@
 
 import { element, keep, setAttribute, setLines, setText } from "./dom.js";
 import { read, reasonOf } from "./api.js";
+import { nameOf } from "./state.js";
 import { dropZone } from "./upload.js";
 import { bytes, clock, currentLanguage, duration, number, percent, short, t } from "./text.js";
 
@@ -38,6 +39,7 @@ export const jobs = (place, store) => {
   let failure = null;
   let isRead = false;
   let gathering = null;
+  let drawnMachines = new Map();
   const stop = new AbortController();
   const title = element("h1", { class: "title" });
   const notice = element("p", { class: "notice" });
@@ -48,7 +50,13 @@ export const jobs = (place, store) => {
   const zone = dropZone(store);
   place.append(title, zone.root, notice, element("div", { class: "scrolls" }, table), more);
 
+  const machineOf = (job) => {
+    const machine = store.machines.get(job.machine);
+    return machine ? nameOf(machine) : job.machine.replace("machines/", "");
+  };
+
   const draw = () => {
+    drawnMachines = new Map(list.map((job) => [job.machine, machineOf(job)]));
     setText(title, t("jobs"));
     zone.draw();
     for (const cell of head.children) setText(cell, t(cell.dataset.name));
@@ -64,7 +72,7 @@ export const jobs = (place, store) => {
         // On a narrow screen, where a row is a block, each cell says what it is.
         COLUMNS.forEach((column, at) => setAttribute(row.children[at], "data-label", t(column)));
         setText(name.firstChild, job.displayName || job.name.replace("jobs/", ""));
-        setText(machine.firstChild, job.machine.replace("machines/", ""));
+        setText(machine.firstChild, machineOf(job));
         setText(word.firstChild, jobState(job));
         setAttribute(word, "data-alarm", ALARMING.has(state));
         // The reason is in English, the word above it is not.
@@ -106,7 +114,12 @@ export const jobs = (place, store) => {
   const progress = setInterval(() => {
     if (list.some((job) => job.validation)) again();
   }, PROGRESS_MS);
-  const subscriptions = [store.onJob(again), store.onReset(again)];
+  // Names of machines come with their states, which may be later than the list.
+  const named = (machine) => {
+    const drawn = machine && drawnMachines.get(machine.machine);
+    if (drawn !== undefined && drawn !== nameOf(machine)) draw();
+  };
+  const subscriptions = [store.onJob(again), store.onReset(again), store.onChange(named)];
   draw();
   readPage("");
   return {
