@@ -25,7 +25,7 @@ for program in "${programs[@]}"; do
         { printf '%b' "${settings[$at]}" && cat "$program"; } >"$work/corpus/parser/$at-$name"
     done
 done
-cat "${programs[@]}" | grep -a . | sort -u | head -n 2000 | split -l 1 -a 4 - "$work/corpus/lexer/line-"
+cat "${programs[@]}" | grep -a . | sort -u | awk 'NR <= 2000' | split -l 1 -a 4 - "$work/corpus/lexer/line-"
 
 failed=()
 for target in "${targets[@]}"; do

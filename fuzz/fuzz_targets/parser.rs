@@ -4,8 +4,8 @@
 #![no_main]
 
 use feedwave_program::{
-    DecimalPointRule, FindingLog, Interpreter, LanguageSettings, LineOutcome, Operation, OperationKind,
-    ThreadEWord, interpret,
+    DecimalPointRule, FindingLog, Interpreter, LanguageSettings, LineOutcome, Operation, OperationKind, ThreadEWord,
+    interpret,
 };
 use libfuzzer_sys::fuzz_target;
 

@@ -7,5 +7,6 @@ mod decisions;
 mod escalation;
 mod lobes;
 mod properties;
+mod random_bytes;
 mod spindle_answers;
 mod state_machine;

@@ -1,5 +1,7 @@
 //! The file itself: opening it, what is refused, and what survives.
 
+#[path = "common/any_uploads.rs"]
+mod any_uploads;
 mod common;
 
 use std::path::Path;
@@ -410,6 +412,18 @@ async fn many_writers_and_readers_never_find_it_busy() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn any_order_of_upload_calls_is_like_a_list_of_bytes(input in prop::collection::vec(any::<u8>(), 0..160)) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let (_folder, path) = folder();
+            let uri: StoreUri = format!("{}?busy_timeout_s=600", StoreUri::of_file(&path).unwrap()).parse().unwrap();
+            let settings = StoreSettings { max_uploads: 2, ..StoreSettings::default() };
+            let open = async || Store::open(&uri, settings.clone()).await.unwrap();
+            any_uploads::check(open().await, open, &input).await.close().await;
+        });
+    }
 
     /// However an upload is cut and wherever the store is opened anew, the program is the same.
     #[test]

@@ -1,6 +1,8 @@
 //! Synthetic telemetry: a spindle at a steady speed with a deflection that the test chooses.
 #![allow(dead_code, reason = "every test file uses its part")]
 
+pub mod any_bytes;
+
 use feedwave_monitoring::{
     Batch, Decision, Event, Grouping, Length, Monitor, MonitoringConfig, Pair, Quality, Rules, ToolCheck,
 };
