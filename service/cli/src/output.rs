@@ -1,4 +1,4 @@
-//! Setpoints as files: one list of columns, written as CSV or Parquet.
+//! Files that commands write, above all of setpoints: one list of columns, written as CSV or Parquet.
 //!
 //! Invariants: both formats carry the same columns in the same order and the same numbers to the last bit; memory does
 //! not grow with the number of setpoints; a file appears under its name only when it is complete.

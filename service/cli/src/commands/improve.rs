@@ -7,8 +7,7 @@ mod diff;
 mod text;
 
 use std::borrow::Cow;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use feedwave_contract::convert::{improvement_goals_from_proto, improvement_to_proto, report_to_proto};
@@ -18,11 +17,12 @@ use feedwave_cutting::{Frame, MAX_IMPROVED_BYTES, Surroundings};
 use feedwave_program::Place;
 
 use super::machine::MachineArgs;
-use super::source::{IncludeArgs, Source};
+use super::source::{IncludeArgs, Source, refuse_input};
 use super::stability::StabilityArgs;
 use super::terminal::{Style, print_bytes, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, report};
+use crate::output::OutputFile;
 
 /// Arguments of `feedwave improve`.
 #[derive(Clone, Debug, clap::Args)]
@@ -148,8 +148,9 @@ impl Surroundings for FurtherFiles<'_> {
 /// # Errors
 /// [`CliError`] when the program or the profile cannot be read, or the result not be written.
 pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
-    if args.out.as_deref().is_some_and(|out| is_same_file(out, &args.file)) {
-        return Err(CliError::trouble("--out: is the program itself; changes are made in a copy"));
+    if let Some(out) = &args.out {
+        let program = std::iter::once(("the program", args.file.as_path()));
+        refuse_input(out, program.chain(args.machine.files()).chain(args.stability.file()))?;
     }
     let mut source = args.include.open(&args.file)?;
     let config = args.machine.config(Frame::Machine, source.further_names())?;
@@ -159,6 +160,9 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
     violations.finish().map_err(|violations| CliError::trouble(violations.to_string()))?;
     let goals = requested.on(&config.profile);
     let improvement = feedwave_cutting::improve(&program, &config, &goals, &mut FurtherFiles(&mut source))?;
+    if let Some(out) = &args.out {
+        refuse_input(out, source.read_files())?;
+    }
     let shown = improvement_to_proto(&improvement, &goals);
     if args.format == Format::Json {
         print_json(&shown)?;
@@ -172,7 +176,7 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
         print_bytes(&diff::diff(&program, &improvement.program, &source.name))?;
     }
     if let Some(out) = &args.out {
-        write(out, &improvement.program)?;
+        OutputFile::write_whole(out, &improvement.program).map_err(|error| CliError::file(out, &error))?;
     }
     tell(&text::report(&shown));
     Ok(if improvement.holds() { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
@@ -197,14 +201,4 @@ fn read(source: &mut Source) -> Result<Vec<u8>, CliError> {
     }
     source.rewind()?;
     Ok(program)
-}
-
-fn is_same_file(one: &Path, other: &Path) -> bool {
-    one == other || same_file::is_same_file(one, other).unwrap_or(false)
-}
-
-fn write(path: &Path, program: &[u8]) -> Result<(), CliError> {
-    let failed = |error: std::io::Error| CliError::file(path, &error);
-    let mut file = std::fs::File::create(path).map_err(failed)?;
-    file.write_all(program).and_then(|()| file.sync_all()).map_err(failed)
 }

@@ -99,6 +99,16 @@ impl Envelope {
 }
 
 impl MachineArgs {
+    /// The files that are read, with what they are called.
+    pub(super) fn files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
+        let files = [
+            ("the file of --profile", self.profile.as_deref()),
+            ("the file of --tools", self.tools.file()),
+            ("the file of --offsets", self.offsets.file()),
+        ];
+        files.into_iter().filter_map(|(name, path)| Some((name, path?)))
+    }
+
     /// What the pipeline is to be run with, with further program files of these names.
     pub(super) fn config(&self, frame: Frame, programs: Arc<[String]>) -> Result<Arc<PipelineConfig>, CliError> {
         let profile = match &self.profile {

@@ -1,6 +1,6 @@
 //! The offsets that a program finds set.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use feedwave_contract::convert::check_offsets;
 use feedwave_contract::proto::Offsets;
@@ -18,6 +18,11 @@ pub(super) struct OffsetArgs {
 }
 
 impl OffsetArgs {
+    /// The file of offsets.
+    pub(super) fn file(&self) -> Option<&Path> {
+        self.offsets.as_deref()
+    }
+
     /// The offsets of the file, checked as the service checks them; nothing without one.
     pub(super) fn read(&self) -> Result<Option<Offsets>, CliError> {
         let Some(path) = &self.offsets else { return Ok(None) };

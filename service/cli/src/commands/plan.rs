@@ -16,7 +16,7 @@ use super::local::Progress;
 use super::machine::MachineArgs;
 use super::overrides::OverrideArgs;
 use super::pictures::{self, FirstVibration};
-use super::source::{IncludeArgs, Source};
+use super::source::{IncludeArgs, Source, refuse_input};
 use super::terminal::{Style, Unit, count, print_json, progress, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, local, report};
@@ -123,6 +123,9 @@ pub(super) fn time(text: &str) -> Result<f64, String> {
 /// # Errors
 /// [`CliError`] when a file cannot be used.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
+    if let Some(out) = &args.out {
+        refuse_input(out, std::iter::once(("the program", args.file.as_path())).chain(args.machine.files()))?;
+    }
     let mut source = args.include.open(&args.file)?;
     let config = args.machine.config(args.frame.into(), source.further_names())?;
     let mut config = args.overrides.apply(config)?;
@@ -145,6 +148,7 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
         return Ok(ExitCode::from(EXIT_REFUSED));
     }
     if let (Some(path), Some(format)) = (&args.out, format) {
+        refuse_input(path, source.read_files())?;
         write(&args, &mut source, &config, &report, substeps, path, format)?;
     }
     if let Some(directory) = &args.plots {

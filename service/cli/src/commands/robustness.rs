@@ -17,6 +17,7 @@ use super::source::IncludeArgs;
 use super::stability::{StabilityArgs, percent};
 use super::terminal::{Style, number, print, tell};
 use super::{CliError, EXIT_REFUSED, local, report};
+use crate::output::OutputFile;
 
 /// Speeds and feeds of a map.
 const MAP_SPEEDS: u32 = 401;
@@ -317,7 +318,7 @@ fn write_map(
     }
     let name = format!("robustness-line-{}", section.first_line);
     let path = directory.join(format!("{name}.csv"));
-    std::fs::write(&path, csv).map_err(|error| CliError::file(&path, &error))?;
+    OutputFile::write_whole(&path, csv.as_bytes()).map_err(|error| CliError::file(&path, &error))?;
     let stability = chart.zip(args.stability.depth).map(|(chart, depth)| {
         let [first, last] = [limit[0].0, limit[limit.len() - 1].0];
         let inside = chart.iter().filter(|(speed, _)| (first..=last).contains(speed));

@@ -35,6 +35,7 @@ pub(super) struct Source {
 struct FurtherFile {
     name: String,
     path: PathBuf,
+    is_read: bool,
     opened: Option<Box<Source>>,
 }
 
@@ -43,10 +44,26 @@ fn opened(files: &mut [FurtherFile], place: usize) -> Result<&mut Source, CliErr
     if files[place].opened.is_none() && files.iter().filter(|file| file.opened.is_some()).count() >= MOST_OPEN_FILES {
         files.iter_mut().for_each(|file| file.opened = None);
     }
-    let FurtherFile { path, opened, .. } = &mut files[place];
+    let FurtherFile { path, is_read, opened, .. } = &mut files[place];
+    *is_read = true;
     match opened {
         Some(source) => Ok(source),
         closed => Ok(closed.insert(Box::new(Source::open(path)?))),
+    }
+}
+
+/// Refuses to write over one of the files that a command reads, each with what it is called.
+pub(super) fn refuse_input<'a>(
+    out: &Path,
+    mut inputs: impl Iterator<Item = (&'static str, &'a Path)>,
+) -> Result<(), CliError> {
+    // Only files are opened to compare them: opening a pipe would wait for who writes to it.
+    let is_out = |path: &Path| out.is_file() && path.is_file() && same_file::is_same_file(out, path).unwrap_or(false);
+    match inputs.find(|(_, path)| is_out(path)) {
+        Some((name, _)) => {
+            Err(CliError::trouble(format!("--out: is {name} itself; what is new goes into another file")))
+        }
+        None => Ok(()),
     }
 }
 
@@ -169,7 +186,7 @@ impl Source {
             }
             let within = path.strip_prefix(root).unwrap_or(&path);
             let parts: Vec<_> = within.iter().map(|part| part.to_string_lossy()).collect();
-            self.further.push(FurtherFile { name: parts.join("/"), path: path.clone(), opened: None });
+            self.further.push(FurtherFile { name: parts.join("/"), path: path.clone(), is_read: false, opened: None });
         }
         Ok(())
     }
@@ -182,6 +199,11 @@ impl Source {
     /// Where the further program files are, with their names.
     pub(super) fn further_paths(&self) -> impl Iterator<Item = (&str, &Path)> {
         self.further.iter().map(|file| (file.name.as_str(), file.path.as_path()))
+    }
+
+    /// The further program files that something was read of, with what they are called.
+    pub(super) fn read_files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
+        self.further.iter().filter(|file| file.is_read).map(|file| ("a file of --include", file.path.as_path()))
     }
 
     /// How many further program files there are.

@@ -1,6 +1,6 @@
 //! The lobes of a tool and the depth that is cut, as `improve` and `robustness` are told them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use feedwave_contract::convert::stability_chart;
 use feedwave_contract::json;
@@ -37,6 +37,11 @@ fn depth(text: &str) -> Result<f64, String> {
 }
 
 impl StabilityArgs {
+    /// The file of lobes, with what it is called.
+    pub(super) fn file(&self) -> Option<(&'static str, &Path)> {
+        self.lobes.as_deref().map(|path| ("the file of --lobes", path))
+    }
+
     /// The lobes with their chart by rising speed; `None` where none are stated.
     ///
     /// # Errors

@@ -15,10 +15,11 @@ use feedwave_cutting::thread::{ThreadPlan, plan_thread};
 use feedwave_plot as plot;
 
 use super::machine::MachineArgs;
-use super::source::Source;
+use super::source::{Source, refuse_input};
 use super::terminal::{Style, print, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, findings, report};
+use crate::output::OutputFile;
 
 /// What a file that is not read is called where findings name it.
 const NAME: &str = "thread";
@@ -307,6 +308,7 @@ impl Args {
 /// # Errors
 /// [`CliError`] when an option or a file cannot be used.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
+    refuse_input(&args.out, args.machine.files())?;
     let config = args.machine.config(Frame::Machine, Arc::new([]))?;
     let mut violations = Violations::default();
     let request = args.request(config.interpolation_period_us);
@@ -323,7 +325,8 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
 fn planned(args: &Args, plan: &ThreadPlan, answer: &PlanThreadResponse) -> Result<ExitCode, CliError> {
     let to_file = args.out != Path::new("-");
     if to_file {
-        std::fs::write(&args.out, &answer.program).map_err(|error| CliError::file(&args.out, &error))?;
+        OutputFile::write_whole(&args.out, answer.program.as_bytes())
+            .map_err(|error| CliError::file(&args.out, &error))?;
     }
     if args.format == Format::Json {
         print_json(answer)?;

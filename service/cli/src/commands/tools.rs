@@ -22,6 +22,11 @@ pub(super) struct ToolArgs {
 }
 
 impl ToolArgs {
+    /// The library's file.
+    pub(super) fn file(&self) -> Option<&Path> {
+        self.tool_file.as_deref()
+    }
+
     /// The tools of the library and of the command line.
     pub(super) fn read(&self) -> Result<Vec<Tool>, CliError> {
         let mut tools = match &self.tool_file {

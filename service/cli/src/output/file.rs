@@ -1,4 +1,4 @@
-//! Where a setpoint file goes: under its name when complete, or straight to a pipe.
+//! Where a file goes: under its name when complete, or straight to a pipe.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -33,7 +33,8 @@ impl FileFormat {
 }
 
 /// A file that appears under its name only when complete: written beside it under a temporary name, which goes
-/// away when this is dropped unfinished. Devices and pipes (`/dev/null`, a named pipe) are written directly.
+/// away when this is dropped unfinished. A link stays, and what it points to is replaced. Devices and pipes (`/dev/null`, a named
+/// pipe, standard output as `/dev/stdout`) are written directly.
 pub struct OutputFile {
     target: Target,
 }
@@ -43,30 +44,45 @@ enum Target {
     Direct(File),
 }
 
+/// Links that are followed at most, as by the system.
+const MOST_LINKS: u32 = 40;
+
 impl OutputFile {
     /// Opens the temporary file, or the device.
     ///
     /// # Errors
     /// When the directory cannot be written or the device not opened.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let is_device = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir());
-        if is_device {
-            return Ok(Self { target: Target::Direct(File::options().write(true).open(path)?) });
-        }
-        if path.is_dir() {
+        let before = fs::metadata(path).ok();
+        if before.as_ref().is_some_and(fs::Metadata::is_dir) {
             return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory"));
         }
-        let directory = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
+        let is_file = before.as_ref().is_none_or(fs::Metadata::is_file);
+        let end = if is_file { end_of_links(path.to_owned())? } else { None };
+        let Some(path) = end else {
+            // Behind what a descriptor's file has already.
+            return Ok(Self { target: Target::Direct(File::options().append(true).open(path)?) });
         };
         let mut builder = tempfile::Builder::new();
         builder.prefix(".feedwave-").suffix(".part");
         // Readable like any other new file (the process's umask applies), not private like a temporary one.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let temporary = builder.tempfile_in(directory)?;
-        Ok(Self { target: Target::Beside { temporary, path: path.to_owned() } })
+        let temporary = builder.tempfile_in(directory_of(&path))?;
+        if let Some(before) = before {
+            temporary.as_file().set_permissions(before.permissions())?;
+        }
+        Ok(Self { target: Target::Beside { temporary, path } })
+    }
+
+    /// Writes a whole file.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was there before is then as it was.
+    pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+        let mut file = Self::create(path)?;
+        file.write_all(bytes)?;
+        file.commit()
     }
 
     /// Makes the file appear under its name.
@@ -77,9 +93,31 @@ impl OutputFile {
         self.flush()?;
         match self.target {
             Target::Direct(_) => Ok(()),
-            Target::Beside { temporary, path } => temporary.persist(path).map(drop).map_err(|error| error.error),
+            Target::Beside { temporary, path } => {
+                // A disk may say only now that it is full.
+                temporary.as_file().sync_all()?;
+                temporary.persist(path).map(drop).map_err(|error| error.error)
+            }
         }
     }
+}
+
+/// Where a path leads to by its links, which need not exist; `None` where it is an open descriptor of a process: its file is
+/// not to be replaced, as others write to it as well.
+fn end_of_links(mut path: PathBuf) -> io::Result<Option<PathBuf>> {
+    for _ in 0..MOST_LINKS {
+        let Ok(target) = fs::read_link(&path) else { return Ok(Some(path)) };
+        let directory = directory_of(&path);
+        if fs::canonicalize(directory)?.starts_with("/proc") {
+            return Ok(None);
+        }
+        path = directory.join(target);
+    }
+    Err(io::Error::other("is a link to itself"))
+}
+
+fn directory_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 impl Write for OutputFile {

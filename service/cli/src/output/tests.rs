@@ -7,7 +7,7 @@ use feedwave_motion::Machine;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 
-use super::{FileFormat, Layout, create};
+use super::{FileFormat, Layout, OutputFile, create};
 
 /// A machine with the axes X and C.
 fn machine() -> Machine {
@@ -108,6 +108,29 @@ fn an_unfinished_file_leaves_nothing_and_keeps_what_was_there() {
     drop(writer);
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "before");
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_link_points_to_is_replaced_and_keeps_its_mode() {
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+    let directory = tempfile::tempdir().unwrap();
+    let place = |name: &str| directory.path().join(name);
+    std::fs::create_dir(place("far")).unwrap();
+    std::fs::write(place("far/a.nc"), "before").unwrap();
+    std::fs::set_permissions(place("far/a.nc"), std::fs::Permissions::from_mode(0o640)).unwrap();
+    for (target, link) in [("far/a.nc", "one.nc"), ("one.nc", "two.nc"), ("far/new.nc", "dangling.nc")] {
+        symlink(target, place(link)).unwrap();
+    }
+    OutputFile::write_whole(&place("two.nc"), b"after").unwrap();
+    OutputFile::write_whole(&place("dangling.nc"), b"new").unwrap();
+    assert!(["one.nc", "two.nc", "dangling.nc"].iter().all(|link| place(link).is_symlink()));
+    assert_eq!(std::fs::read_to_string(place("far/a.nc")).unwrap(), "after");
+    assert_eq!(std::fs::metadata(place("far/a.nc")).unwrap().permissions().mode() & 0o777, 0o640);
+    assert_eq!(std::fs::read_to_string(place("far/new.nc")).unwrap(), "new");
+    assert_eq!(std::fs::read_dir(place("far")).unwrap().count(), 2);
+    symlink("circle.nc", place("circle.nc")).unwrap();
+    assert!(OutputFile::create(&place("circle.nc")).is_err());
 }
 
 #[test]

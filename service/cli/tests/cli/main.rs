@@ -409,6 +409,69 @@ fn the_demo_holds_what_it_claims_and_draws_it() {
     assert!(csv.lines().count() > 90_000);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_and_devices_are_written_by_their_names() {
+    let directory = tempfile::tempdir().unwrap();
+    let plan = |out: &str| {
+        let mut command = feedwave();
+        command.arg("plan").arg(fixture("spec-trap-cured.nc")).args([
+            "--count",
+            "3",
+            "--file-format",
+            "csv",
+            "--out",
+            out,
+        ]);
+        command
+    };
+    let wanted = stdout(&plan("-").output().unwrap());
+    assert_eq!(stdout(&plan("/dev/stdout").output().unwrap()), wanted);
+    let path = directory.path().join("a.csv");
+    let file = std::fs::File::create(&path).unwrap();
+    assert!(plan("/proc/self/fd/1").stdout(file).status().unwrap().success());
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), wanted);
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    assert_eq!(code(&plan("/dev/null").output().unwrap()), 0);
+}
+
+#[test]
+fn what_a_command_reads_is_not_written_over() {
+    let directory = tempfile::tempdir().unwrap();
+    let place = |name: &str| directory.path().join(name);
+    let write = |name: &str, text: &str| std::fs::write(place(name), text).unwrap();
+    write("main.nc", "G21 G90 G94\nM98 P7\nM30\n");
+    write("machine.toml", "[machine]\nkind = \"MACHINE_KIND_MILL\"\n");
+    write("tools.toml", "number = 1\nlength_mm = 120\n");
+    write("offsets.toml", "external = { z = 1 }\n");
+    std::fs::create_dir(place("subs")).unwrap();
+    write("subs/O7.nc", "O7\nG1 X1 F100\nM99\n");
+    let plan = |out: &str| {
+        let options = ["--profile", "machine.toml", "--tools", "tools.toml", "--offsets", "offsets.toml"];
+        let mut command = feedwave();
+        command.current_dir(&directory).args(["plan", "main.nc", "--include", "subs", "--file-format", "csv"]);
+        command.args(options).args(["--out", out]).output().unwrap()
+    };
+    for (out, what) in [
+        ("./main.nc", "the program"),
+        ("subs/../machine.toml", "the file of --profile"),
+        ("tools.toml", "the file of --tools"),
+        ("offsets.toml", "the file of --offsets"),
+        ("subs/O7.nc", "a file of --include"),
+    ] {
+        let before = std::fs::read(place(out)).unwrap();
+        let output = plan(out);
+        assert_eq!(code(&output), 2, "{out}: {}", stderr(&output));
+        assert!(stderr(&output).contains(&format!("--out: is {what} itself")), "{}", stderr(&output));
+        assert_eq!(std::fs::read(place(out)).unwrap(), before, "{out}");
+    }
+    // Written again and again, also beside what is included.
+    for _ in 0..2 {
+        let output = plan("subs/a.csv");
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+    }
+}
+
 #[test]
 fn help_teaches_with_examples() {
     for command in ["validate", "plan", "submit", "stream", "demo"] {

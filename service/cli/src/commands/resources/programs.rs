@@ -15,8 +15,9 @@ use super::collection::{self, Collection, GetArgs, ListArgs, PAGE, Page};
 use super::{card, full_name, refused, time};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
-use crate::commands::terminal::{print, print_json};
+use crate::commands::terminal::{print, print_json, tell};
 use crate::commands::validate::Format;
+use crate::output::OutputFile;
 
 /// Arguments of `feedwave program`.
 #[derive(Debug, clap::Args)]
@@ -198,8 +199,7 @@ async fn read(client: &Client, request: ReadProgramRequest, out: &Path) -> Resul
     let mut pieces = answer.into_inner();
     let to_stdout = out == Path::new("-");
     let failed = |error: io::Error| CliError::file(out, &error);
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = if to_stdout { None } else { Some(tempfile::NamedTempFile::new_in(folder).map_err(failed)?) };
+    let mut file = if to_stdout { None } else { Some(OutputFile::create(out).map_err(failed)?) };
     while let Some(piece) = pieces.message().await.map_err(|status| refused(client, &status))? {
         match &mut file {
             Some(file) => file.write_all(&piece.data).map_err(failed)?,
@@ -210,8 +210,8 @@ async fn read(client: &Client, request: ReadProgramRequest, out: &Path) -> Resul
         }
     }
     if let Some(file) = file {
-        file.persist(out).map_err(|error| CliError::file(out, &error.error))?;
-        print(&format!("{}: written\n", out.display()))?;
+        file.commit().map_err(failed)?;
+        tell(&format!("{}: written\n", out.display()));
     }
     Ok(())
 }
