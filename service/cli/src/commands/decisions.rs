@@ -5,12 +5,13 @@ use std::process::ExitCode;
 use feedwave_contract::json;
 use feedwave_contract::proto::decision_inputs::Evidence;
 use feedwave_contract::proto::{
-    Decision, DecisionReason, EscalationAction, HoldReason, ListDecisionsRequest, ListDecisionsResponse, OverrideBound,
-    Overrides,
+    Decision, DecisionReason, EscalationAction, GetJobRequest, GetRunRequest, HoldReason, ListDecisionsRequest,
+    ListDecisionsResponse, OverrideBound, Overrides,
 };
 
 use super::CliError;
 use super::client::{Client, ServerArgs};
+use super::resources::full_name;
 use super::terminal::print;
 use super::validate::Format;
 
@@ -19,7 +20,7 @@ const PAGE: i32 = 500;
 
 /// Arguments of `feedwave decisions`.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = "Exit codes: 0 all shown, 2 wrong usage or no answer.
+#[command(after_long_help = "Exit codes: 0 all shown, 2 wrong usage, no such job or run, or no answer.
 
 Examples:
   feedwave decisions jobs/0197b3c2-…
@@ -43,30 +44,41 @@ pub struct Args {
 /// [`CliError`] when the service does not answer.
 pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
     let client = args.server.connect().await?;
+    let mut listed = page(&client, &args.of, 0).await?;
+    if listed.decisions.is_empty() {
+        ask_for(&client, &args.of).await?;
+    }
     if args.format == Format::Text {
         print(&format!("{}\n", heading()))?;
     }
-    let mut after = 0;
     loop {
-        let page = page(&client, &args.of, after).await?;
-        for decision in &page.decisions {
+        for decision in &listed.decisions {
             match args.format {
                 Format::Text => print(&format!("{}\n", line(decision)))?,
                 Format::Json => print(&format!("{}\n", json::to_string(decision)))?,
             }
         }
-        match page.decisions.last() {
-            Some(last) if !page.next_page_token.is_empty() => after = last.sequence,
-            _ => return Ok(ExitCode::SUCCESS),
-        }
+        let last = listed.decisions.last().filter(|_| !listed.next_page_token.is_empty());
+        let Some(after) = last.map(|last| last.sequence) else { return Ok(ExitCode::SUCCESS) };
+        listed = page(&client, &args.of, after).await?;
     }
+}
+
+/// Fails where there is no such job or run. Of one that has been deleted decisions may be there all the same.
+async fn ask_for(client: &Client, of: &str) -> Result<(), CliError> {
+    let name = full_name("jobs", of);
+    let answer = if name.starts_with("runs/") {
+        client.telemetry().get_run(GetRunRequest { name }).await.map(drop)
+    } else {
+        client.jobs.clone().get_job(GetJobRequest { name }).await.map(drop)
+    };
+    answer.map_err(|status| client.failed(&status))
 }
 
 /// Decisions of a job or run after a place in the log.
 pub(super) async fn page(client: &Client, of: &str, after: u64) -> Result<ListDecisionsResponse, CliError> {
-    let of_run = of.starts_with("runs/");
-    let name = if of.contains('/') { of.to_owned() } else { format!("jobs/{of}") };
-    let (job, run) = if of_run { (String::new(), name) } else { (name, String::new()) };
+    let name = full_name("jobs", of);
+    let (job, run) = if name.starts_with("runs/") { (String::new(), name) } else { (name, String::new()) };
     let request = ListDecisionsRequest { after, page_size: PAGE, page_token: String::new(), job, run };
     let response = client.telemetry().list_decisions(request).await;
     Ok(response.map_err(|status| client.failed(&status))?.into_inner())

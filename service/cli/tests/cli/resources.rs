@@ -201,6 +201,18 @@ fn jobs_are_listed_over_all_pages_shown_cancelled_and_deleted() {
 }
 
 #[test]
+fn nothing_is_shown_before_the_service_has_answered() {
+    let service = Service::start();
+    let absent = "00000000-0000-7000-8000-000000000000";
+    for name in [absent.to_owned(), format!("jobs/{absent}"), format!("runs/{absent}")] {
+        assert!(refused(&service, &["decisions", &name]).contains("does not exist"), "{name}");
+    }
+    assert!(refused(&service, &["job", "list", "--machine", "Mill 3"]).contains("machine"));
+    let job = ok(&service, &["submit", &path("spec-trap.nc")]);
+    assert_eq!(ok(&service, &["decisions", job.trim_end()]).lines().count(), 1);
+}
+
+#[test]
 fn lists_go_through_all_pages() {
     let service = Service::start();
     let directory = tempfile::tempdir().unwrap();

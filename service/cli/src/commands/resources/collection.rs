@@ -109,9 +109,12 @@ pub(super) async fn list<C: Collection>(collection: C, args: ListArgs) -> Result
     match args.output.format {
         Format::Json => collection.print_json(&client).await?,
         Format::Text => {
-            print(&format!("{}\n", C::head()))?;
+            let mut head = Some(format!("{}\n", C::head()));
             let line = |resource: &C::Resource| format!("{}\n", C::line(resource).trim_end());
-            each_page(&collection, &client, |page| print(&page.iter().map(line).collect::<String>())).await?;
+            let shown = |page: Vec<C::Resource>| {
+                print(&(head.take().unwrap_or_default() + &page.iter().map(line).collect::<String>()))
+            };
+            each_page(&collection, &client, shown).await?;
         }
     }
     Ok(ExitCode::SUCCESS)
