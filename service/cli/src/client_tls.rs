@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use tonic::transport::{Certificate, ClientTlsConfig, Identity};
+use tonic::transport::{Certificate, ClientTlsConfig, Endpoint, Identity};
 
 use crate::commands::CliError;
 
@@ -25,8 +25,26 @@ pub(crate) struct ClientTls {
 }
 
 impl ClientTls {
+    /// Where a URL leads, encrypted as it says.
+    pub(crate) fn endpoint(&self, url: &str) -> Result<Endpoint, CliError> {
+        let failed = |error: &dyn Error| CliError::trouble(format!("{url}: {}", chain(error)));
+        let scheme = url.split_once("://").map(|(scheme, _)| scheme.to_ascii_lowercase());
+        let is_encrypted = match scheme.as_deref() {
+            Some("https") => true,
+            Some("http") => false,
+            _ => return Err(CliError::trouble(format!("{url}: is no URL such as http://127.0.0.1:50051"))),
+        };
+        let is_asked = [&self.ca, &self.cert, &self.key].iter().any(|file| file.is_some()) || self.domain.is_some();
+        if is_asked && !is_encrypted {
+            let options = "--ca, --cert, --key and --domain (FEEDWAVE_CA and so on) are of https:// URLs";
+            return Err(CliError::trouble(format!("{url}: would not be encrypted: {options}")));
+        }
+        let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|error| failed(&error))?;
+        if is_encrypted { endpoint.tls_config(self.config()?).map_err(|error| failed(&error)) } else { Ok(endpoint) }
+    }
+
     /// The same for a connection.
-    pub(crate) fn config(&self) -> Result<ClientTlsConfig, CliError> {
+    fn config(&self) -> Result<ClientTlsConfig, CliError> {
         let read = |path: &Path| std::fs::read(path).map_err(|error| CliError::file(path, &error));
         let mut tls = ClientTlsConfig::new();
         if let Some(ca) = &self.ca {

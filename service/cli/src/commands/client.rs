@@ -26,7 +26,7 @@ use tonic::Status;
 use tonic::metadata::{Ascii, MetadataValue};
 use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Channel;
 use tonic_types::StatusExt as _;
 
 use super::CliError;
@@ -116,15 +116,9 @@ pub(super) struct Client {
 impl ServerArgs {
     /// Connects.
     pub(super) async fn connect(&self) -> Result<Client, CliError> {
-        let failed = |error: &dyn std::error::Error| CliError::trouble(format!("{}: {}", self.server, chain(error)));
-        let mut endpoint = Endpoint::from_shared(self.server.clone())
-            .map_err(|error| failed(&error))?
-            .connect_timeout(CONNECT_TIMEOUT)
-            .http2_keep_alive_interval(Duration::from_secs(20));
-        if self.server.starts_with("https:") {
-            endpoint = endpoint.tls_config(self.tls.config()?).map_err(|error| failed(&error))?;
-        }
-        let channel = endpoint.connect().await.map_err(|error| failed(&error))?;
+        let endpoint = self.tls.endpoint(&self.server)?.connect_timeout(CONNECT_TIMEOUT);
+        let channel = endpoint.http2_keep_alive_interval(Duration::from_secs(20)).connect().await;
+        let channel = channel.map_err(|error| CliError::trouble(format!("{}: {}", self.server, chain(&error))))?;
         Ok(Client::with_credentials(
             self.server.clone(),
             channel,

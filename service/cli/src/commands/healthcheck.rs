@@ -6,7 +6,6 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use feedwave_server::config::{ClientCertificates, Config, Overrides};
-use tonic::transport::Endpoint;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
@@ -17,6 +16,9 @@ use crate::commands::CliError;
 
 /// Flags of `feedwave healthcheck`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(
+    after_long_help = "Exit codes: 0 it serves, 1 it does not, or does not answer, 2 wrong usage, 78 the configuration cannot be used."
+)]
 pub struct Args {
     /// The service's URL; by default that of the configuration, on this machine
     #[arg(long, value_name = "URL")]
@@ -35,7 +37,7 @@ pub struct Args {
 /// Asks.
 ///
 /// # Errors
-/// [`CliError`] with exit code 1 when the service is not serving.
+/// [`CliError`] with exit code 1 when the service is not serving, 2 when it cannot be asked so.
 pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let config = global.load(Overrides::default())?;
     let url = args.server.clone().unwrap_or_else(|| {
@@ -43,9 +45,7 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
         format!("{scheme}://{}", reachable(config.grpc.listen))
     });
     let timeout = Duration::from_secs(args.timeout);
-    let mut endpoint = Endpoint::from_shared(url.clone()).map_err(|error| CliError::new(format!("{url}: {error}")))?;
-    endpoint = endpoint.connect_timeout(timeout).timeout(timeout);
-    if url.starts_with("https:") {
+    let options = if url.starts_with("https:") {
         let tls = tls(args.tls, &config);
         let asked = args.server.is_none()
             && config.grpc_tls().is_some_and(|(_, tls)| {
@@ -56,8 +56,11 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
                 "client_ca of tls or grpc.tls asks clients for a certificate: set healthcheck.cert and healthcheck.key",
             ));
         }
-        endpoint = endpoint.tls_config(tls.config().map_err(CliError::new)?).map_err(CliError::new)?;
-    }
+        tls
+    } else {
+        args.tls
+    };
+    let endpoint = options.endpoint(&url)?.connect_timeout(timeout).timeout(timeout);
     let failed = |error: &dyn Error| CliError::new(format!("{url}: {}", chain(error)));
     let channel = endpoint.connect().await.map_err(|error| failed(&error))?;
     let request = HealthCheckRequest { service: args.service };

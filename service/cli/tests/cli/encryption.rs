@@ -107,3 +107,18 @@ fn under_mutual_tls_probe_and_client_show_their_own_certificate() {
     assert_eq!(code(&served), 0, "{}", stderr(&served));
     assert_eq!(code(&submit(&[])), 2);
 }
+
+#[test]
+fn certificates_are_not_taken_for_a_connection_without_encryption() {
+    let options =
+        [["--ca", "ca.pem"].as_slice(), &["--cert", "client.pem", "--key", "client-key.pem"], &["--domain", "a"]];
+    for command in ["healthcheck", "watch"] {
+        for options in options {
+            let output = feedwave().args([command, "--server", "http://127.0.0.1:1"]).args(options).output().unwrap();
+            let refused = code(&output) == 2 && stderr(&output).contains("would not be encrypted");
+            assert!(refused, "{command} {options:?}: {} {}", code(&output), stderr(&output));
+        }
+        let output = feedwave().args([command, "--server", "foo"]).output().unwrap();
+        assert!(code(&output) == 2 && stderr(&output).contains("foo: is no URL"), "{command}: {}", stderr(&output));
+    }
+}
