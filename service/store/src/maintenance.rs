@@ -150,14 +150,18 @@ pub async fn copy(from: &StoreUri, to: &StoreUri) -> Result<Vec<TableCopy>, Copy
     }
 }
 
-/// Brings the schema of a database up to date, creates the database where its kind allows that, and changes nothing else;
-/// a service does the same as it starts.
+/// Brings the schema of a database up to date, creates that of a server where the user may, and changes nothing else; a
+/// service does the same as it starts.
 ///
 /// # Errors
-/// As [`crate::Store::open`].
+/// As [`crate::Store::open`], and `CannotOpen` where there is no file.
 pub async fn migrate(uri: &StoreUri) -> Result<()> {
     match uri.place() {
-        Place::Sqlite(_) => {
+        Place::Sqlite(options) => {
+            // A name that is not the file's would be up to date at once.
+            if !options.path.is_file() {
+                return Err(StoreError::CannotOpen { reason: "there is no such file", source: None });
+            }
             let store = Store::open(uri, StoreSettings::default()).await?;
             store.close().await;
             Ok(())

@@ -7,6 +7,7 @@ use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::Value;
 
+mod database;
 mod encryption;
 mod five_axis;
 mod improve;
