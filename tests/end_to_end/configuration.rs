@@ -37,6 +37,7 @@ async fn a_bad_value_is_refused_with_its_file_its_key_and_the_reason() {
         ),
         ("[grpc]\nlisten = 'everywhere'\n", "grpc.listen", "invalid socket address"),
         ("[grpc]\nlisten = \n", "", "shop.toml"),
+        ("[log]\nlevel = 'info,loud'\n", "log.level", "\"loud\" is neither off, error"),
         ("[store]\nuri = 'feedwave.db'\n", "store.uri", "it has no scheme"),
         ("[store]\nuri = 'sqlite:///1.db'\n[database]\npath = '/2.db'\n", "database.path", "keep store.uri alone"),
     ];

@@ -78,7 +78,7 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", conflicts_with = "from_index", value_parser = time)]
     from_time: Option<f64>,
     /// Setpoints to write at most
-    #[arg(long, value_name = "COUNT")]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// Form of the result: findings on standard error, or the whole report as JSON on standard output
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
@@ -87,9 +87,8 @@ pub struct Args {
     ///
     /// The command is divided evenly within each period, as a drive without fine interpolation does it: all of its change of
     /// velocity falls into one of the parts, where its acceleration shows as many times as there are parts.
-    #[arg(long, value_name = "COUNT", num_args = 0..=1, default_missing_value = "0",
-        value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SERVO_SUBSTEPS)))]
-    servo_substeps: Option<u32>,
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SERVO_SUBSTEPS)))]
+    servo_substeps: Option<Option<u32>>,
 }
 
 /// Coordinates of the axes.
@@ -163,8 +162,8 @@ fn substeps(args: &Args, config: &PipelineConfig) -> Result<Option<u32>, CliErro
     let servo_side = config.generation_mode == GenerationMode::ServoSide;
     match args.servo_substeps {
         Some(_) if !servo_side => Err(CliError::trouble("--servo-substeps needs --mode servo-side")),
-        Some(0) => Ok(Some(config.profile.vibration.servo_substeps)),
-        substeps => Ok(substeps),
+        Some(substeps) => Ok(substeps.or(Some(config.profile.vibration.servo_substeps))),
+        None => Ok(None),
     }
 }
 

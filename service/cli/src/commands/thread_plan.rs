@@ -73,7 +73,8 @@ pub struct Args {
     #[arg(long, value_name = "COUNT", help_heading = "Thread")]
     threads_per_inch: Option<f64>,
     /// Number of starts, 1 to 30
-    #[arg(long, value_name = "COUNT", default_value_t = 1, help_heading = "Thread")]
+    #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=30),
+        help_heading = "Thread")]
     starts: u32,
     /// Depth of the finished thread
     #[arg(long, value_name = "MM", help_heading = "Thread")]

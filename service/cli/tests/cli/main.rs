@@ -181,6 +181,19 @@ fn a_part_of_a_plan_is_that_part_of_the_whole() {
 }
 
 #[test]
+fn counts_of_nothing_are_refused_with_their_range() {
+    let program = fixture("spec-trap-cured.nc");
+    for (option, range) in [("--count=0", "0 is not in 1.."), ("--servo-substeps=0", "0 is not in 1..=64")] {
+        let output = run(&[&"plan", &program, &"--out", &"-", &"--mode", &"servo-side", &option]);
+        assert_eq!(code(&output), 2, "{option}");
+        assert!(stderr(&output).contains(range), "{}", stderr(&output));
+    }
+    let of_the_profile =
+        run(&[&"plan", &program, &"--count=9", &"--mode", &"servo-side", &"--out=-", &"--servo-substeps"]);
+    assert_eq!(code(&of_the_profile), 0, "{}", stderr(&of_the_profile));
+}
+
+#[test]
 fn servo_side_writes_conditions_or_what_the_drives_make_of_them() {
     let directory = tempfile::tempdir().unwrap();
     let conditions = plan_to(directory.path(), "a.csv", &["--mode", "servo-side"]);

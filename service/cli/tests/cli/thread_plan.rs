@@ -47,6 +47,15 @@ fn the_program_is_the_result_and_the_passes_are_told_beside_it() {
 }
 
 #[test]
+fn starts_beyond_their_range_are_refused() {
+    for starts in ["--starts=0", "--starts=31"] {
+        let output = plan(&[starts]);
+        assert_eq!(code(&output), 2, "{starts}");
+        assert!(stderr(&output).contains("is not in 1..=30"), "{}", stderr(&output));
+    }
+}
+
+#[test]
 fn files_pictures_and_json_have_the_same_plan() {
     let directory = tempfile::tempdir().unwrap();
     let (file, pictures) = (directory.path().join("m10.nc"), directory.path().join("pictures"));

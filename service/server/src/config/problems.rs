@@ -3,6 +3,8 @@
 use std::fmt;
 use std::fs::File;
 
+use tracing_subscriber::filter::{LevelFilter, Targets};
+
 use super::{Config, JwtConfig};
 
 /// A key, its value, and the least and the largest that are accepted.
@@ -79,11 +81,18 @@ impl Config {
 
     /// Text that others have to understand.
     fn unusable_text(&self) -> impl Iterator<Item = Problem> {
-        let level = self.log.level.parse::<tracing_subscriber::filter::Targets>().err();
+        // A word that is no level would be a target, of which everything is logged, and nothing else.
+        let is_target = |directive: &&str| !directive.contains('=') && directive.parse::<LevelFilter>().is_err();
+        let level = match self.log.level.parse::<Targets>() {
+            Err(error) => Some(error.to_string()),
+            Ok(_) => self.log.level.split(',').find(is_target).map(|directive| {
+                format!("{directive:?} is neither off, error, warn, info, debug or trace nor TARGET=LEVEL")
+            }),
+        };
         let endpoint = self.telemetry.otlp_endpoint.as_deref().filter(|endpoint| {
             !endpoint.parse::<http::Uri>().is_ok_and(|uri| uri.scheme().is_some() && uri.host().is_some())
         });
-        let level = level.map(|error| ("log.level", error.to_string()));
+        let level = level.map(|reason| ("log.level", reason));
         let endpoint = endpoint
             .map(|endpoint| ("telemetry.otlp_endpoint", format!("must be a URL with a scheme, is {endpoint:?}")));
         level.into_iter().chain(endpoint)
