@@ -52,6 +52,37 @@ async fn a_bad_value_is_refused_with_its_file_its_key_and_the_reason() {
 }
 
 #[tokio::test]
+async fn files_that_are_not_what_they_should_be_are_refused_with_their_key() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let place = |name: &str| directory.path().join(name).display().to_string();
+    std::fs::write(place("bad"), "neither a certificate nor a client\n").expect("a file");
+    let fixture = |name: &str| format!("{}/../../tests/fixtures/tls/{name}", env!("CARGO_MANIFEST_DIR"));
+    let pair = |cert: &str, key: &str| format!("[tls]\ncert = '{cert}'\nkey = '{key}'\n");
+    for (section, key) in [
+        (pair(&place("bad"), &fixture("server-key.pem")), "tls.cert: "),
+        (pair(&fixture("server.pem"), &place("bad")), "tls.key: "),
+        (pair(&fixture("server.pem"), &fixture("client-key.pem")), "tls.cert: "),
+        (format!("[auth]\nclients = '{}'\n", place("bad")), "auth.clients: "),
+    ] {
+        let ports = "[grpc]\nlisten = '127.0.0.1:0'\n[http]\nlisten = '127.0.0.1:0'\n";
+        let output = refused(&format!("[store]\nuri = 'sqlite://{}'\n{ports}{section}", place("a.db")), &[]).await;
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(78), "{section}: {message}");
+        assert!(message.contains(key), "{key} is not in {message}");
+    }
+}
+
+#[tokio::test]
+async fn a_folder_is_no_configuration() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let output = Command::new(FEEDWAVE).args(["serve", "--config"]).arg(directory.path()).output().await;
+    let output = output.expect("the binary is started");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(78), "{message}");
+    assert!(message.contains("is a folder"), "{message}");
+}
+
+#[tokio::test]
 async fn a_bad_variable_is_refused_with_its_key() {
     let output = refused("", &[("FEEDWAVE_LIMITS__CONCURRENT_STREAMS", "0")]).await;
     let message = String::from_utf8_lossy(&output.stderr);

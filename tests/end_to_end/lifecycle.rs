@@ -32,6 +32,7 @@ async fn ends_gracefully_on(signal: Signal) {
     assert_error(&status, Code::Unavailable, "SERVER_DRAINING");
     let (exit, home) = server.ended().await;
     assert_eq!(exit.code(), Some(0), "{exit:?}");
+    assert!(!home.path().join("ready.json").exists(), "it is ready no more");
 
     let server = home.start().await;
     let mut clients = server.connect().await;

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use feedwave_server::config::{Overrides, StoreUri};
-use feedwave_server::lifecycle::{RunningServer, Server};
+use feedwave_server::config::{EXIT_CONFIG, Overrides, StoreUri};
+use feedwave_server::lifecycle::{RunningServer, Server, StartError};
 use feedwave_server::observability::{self, REVISION, VERSION};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::args::GlobalArgs;
 use crate::commands::{CliError, make_files_private};
+use crate::output::OutputFile;
 
 /// The signal of a write beyond a limit of file sizes, on every system that has it.
 const SIGXFSZ: i32 = 25;
@@ -34,7 +35,8 @@ pub struct Args {
     /// What named a file before `--store` did [key: database.path]
     #[arg(long, value_name = "FILE", hide = true)]
     database: Option<PathBuf>,
-    /// Write the addresses as JSON to this file once the service can be used
+    /// Write the addresses as JSON to this file once the service can be used; one that is there is removed before, and this one at
+    /// the end
     #[arg(long, value_name = "FILE")]
     ready_file: Option<PathBuf>,
 }
@@ -61,16 +63,20 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     let mut hangup = signal(SignalKind::hangup()).map_err(CliError::new)?;
     // Without a handler a write beyond a limit of file sizes ends the process; with one it fails, and is told.
     let _file_size = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CliError::new)?;
+    let of_ready_file =
+        |path: &Path, error: std::io::Error| CliError::new(format!("--ready-file: {}: {error}", path.display()));
+    if let Some(path) = &args.ready_file {
+        remove_ready_file(path).map_err(|error| of_ready_file(path, error))?;
+    }
     let mut server = tokio::select! {
-        started = told(Server::start(config)) => started.map_err(CliError::new)?,
+        started = told(Server::start(config)) => started.map_err(not_started)?,
         _ = terminate.recv() => return Ok(ended_while_starting()),
         _ = interrupt.recv() => return Ok(ended_while_starting()),
     };
     let mtconnect = server.mtconnect_addr().map(tracing::field::display);
     tracing::info!(grpc = %server.grpc_addr(), http = %server.http_addr(), mtconnect, "ready");
     if let Some(path) = &args.ready_file {
-        write_ready_file(path, &server)
-            .map_err(|error| CliError::new(format!("--ready-file: {}: {error}", path.display())))?;
+        write_ready_file(path, &server).map_err(|error| of_ready_file(path, error))?;
     }
 
     let failure = loop {
@@ -82,6 +88,9 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
         }
     };
     tracing::info!("shutting down");
+    if let Some(Err(error)) = args.ready_file.as_deref().map(remove_ready_file) {
+        tracing::warn!(%error, "the ready file could not be removed");
+    }
     server.shutdown().await;
     tracing::info!("ended");
     // The exporter blocks while it sends the rest.
@@ -112,7 +121,20 @@ fn ended_while_starting() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Written to another file and renamed, so that a reader never gets half of it.
+/// Certificates, keys and known clients are files of the configuration.
+fn not_started(error: StartError) -> CliError {
+    let failed = CliError::new(&error);
+    if matches!(error, StartError::Tls { .. }) { CliError { exit_code: EXIT_CONFIG, ..failed } } else { failed }
+}
+
+/// One of an earlier service would say that this one is ready. What is no plain file is not ours.
+fn remove_ready_file(path: &Path) -> std::io::Result<()> {
+    match std::fs::symlink_metadata(path) {
+        Ok(metadata) if metadata.is_file() => std::fs::remove_file(path),
+        _ => Ok(()),
+    }
+}
+
 fn write_ready_file(path: &Path, server: &RunningServer) -> std::io::Result<()> {
     let mut addresses = serde_json::json!({
         "grpc": server.grpc_addr().to_string(),
@@ -121,8 +143,5 @@ fn write_ready_file(path: &Path, server: &RunningServer) -> std::io::Result<()> 
     if let Some(address) = server.mtconnect_addr() {
         addresses["mtconnect"] = address.to_string().into();
     }
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".part");
-    std::fs::write(&beside, format!("{addresses}\n"))?;
-    std::fs::rename(&beside, path)
+    OutputFile::write_whole(path, format!("{addresses}\n").as_bytes())
 }

@@ -30,7 +30,7 @@ impl Config {
         let mut figment = Figment::from(Serialized::defaults(Self::default()));
         if let Some(path) = file {
             if !path.is_file() {
-                let reason = "there is no such file".to_owned();
+                let reason = if path.is_dir() { "it is a folder" } else { "there is no such file" }.to_owned();
                 return Err(ConfigError(vec![ConfigProblem {
                     place: path.display().to_string(),
                     key: String::new(),
