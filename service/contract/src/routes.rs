@@ -150,7 +150,7 @@ pub const ROUTES: [RouteEntry; 17] = [
         "text/event-stream",
         "`text/event-stream`",
         "What happens, as server-sent events whose data is a message as JSON: `state` (MachineState; at first of every \
-         machine, then of each that changes, five times a second at most), `gone` (of a machine that was deleted, its name), \
+         machine, then of each that changes, twice a second at most), `gone` (of a machine that was deleted, its name), \
          `job` (JobEvent), `decision` (Decision). An `id` names the store, the tenant and the records of both logs \
          that were told last; `Last-Event-ID` goes on behind it, and where it is of another store, too far behind or from before \
          records that were removed, `reset` says that the lists are to be read anew. A comment comes where there is nothing to say for `http.heartbeat_s`.",

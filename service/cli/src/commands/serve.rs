@@ -19,6 +19,15 @@ const SIGXFSZ: i32 = 25;
 
 /// Flags of `feedwave serve`; each sets the configuration key that it names.
 #[derive(Clone, Debug, clap::Args)]
+#[command(
+    after_long_help = "Exit codes: 0 ended by SIGTERM or SIGINT, 1 it could not be started, or failed, 2 wrong usage, 78 the configuration
+cannot be used.
+
+Examples:
+  feedwave serve
+      Everything by default: ports of this machine alone, jobs in feedwave.db of the working directory.
+  feedwave serve --config feedwave.toml --ready-file /run/feedwave/ready.json"
+)]
 pub struct Args {
     /// Address and port of gRPC; port 0 takes a free one [key: grpc.listen]
     #[arg(long, value_name = "ADDRESS")]
