@@ -5,13 +5,13 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{ArgGroup, ValueEnum};
-use feedwave_contract::convert::{thread_plan_to_proto, thread_request_from_proto};
+use feedwave_contract::convert::{profile_to_proto, thread_plan_to_proto, thread_request_from_proto};
 use feedwave_contract::proto;
 use feedwave_contract::proto::PlanThreadResponse;
 use feedwave_contract::proto::plan_thread_request::Advance;
 use feedwave_contract::violations::{Violation, Violations};
-use feedwave_cutting::Frame;
 use feedwave_cutting::thread::{ThreadPlan, plan_thread};
+use feedwave_cutting::{Frame, MachineProfile};
 use feedwave_plot as plot;
 
 use super::machine::MachineArgs;
@@ -318,7 +318,11 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
     let plan = plan_thread(&request);
     let answer = thread_plan_to_proto(&plan, &options);
     match plan {
-        Ok(plan) => planned(&args, &plan, &answer),
+        Ok(plan) => {
+            let code = planned(&args, &plan, &answer)?;
+            tell(&machine_notes(&args, &config.profile));
+            Ok(code)
+        }
         Err(_) => refused(&args, &answer),
     }
 }
@@ -348,6 +352,36 @@ fn planned(args: &Args, plan: &ThreadPlan, answer: &PlanThreadResponse) -> Resul
         tell(&format!("drew {} pictures into {}\n", files.len(), directory.display()));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Which options are not in the program and not as the machine has it: with its profile alone a validation judges otherwise.
+fn machine_notes(args: &Args, profile: &MachineProfile) -> String {
+    let own = profile_to_proto(profile).thread_vibration.unwrap_or_default();
+    let number = |option, key, stated: Option<f64>, own: Option<f64>| {
+        stated.filter(|_| stated != own).map(|value| (option, key, value.to_string()))
+    };
+    let start_up = args.start_up.map(StartUp::value).filter(|&stated| stated != own.start_up);
+    let start_up = start_up.and_then(|stated| proto::ThreadStartUp::try_from(stated).ok());
+    let differing = [
+        number("vibrations-per-rev", "vibrations_per_rev", args.vibrations_per_rev, own.vibrations_per_rev),
+        start_up.map(|stated| ("start-up", "start_up", format!("{:?}", stated.as_str_name()))),
+        number("included-angle", "included_angle_deg", args.included_angle, own.included_angle_deg),
+        number("approach", "approach_mm", args.approach, own.approach_mm),
+        number("max-thickness", "max_thickness_mm", args.max_thickness, own.max_thickness_mm),
+        number(
+            "finishing-thickness",
+            "max_finishing_thickness_mm",
+            args.finishing_thickness,
+            own.max_finishing_thickness_mm,
+        ),
+    ];
+    let note = |(option, key, value): (&str, &str, String)| {
+        format!(
+            "note: --{option} is not in the program: validate judges the same where the machine profile has \
+             thread_vibration.{key} = {value}\n"
+        )
+    };
+    differing.into_iter().flatten().map(note).collect()
 }
 
 /// Passes, chips and notes for people.

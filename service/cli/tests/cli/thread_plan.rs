@@ -47,6 +47,31 @@ fn the_program_is_the_result_and_the_passes_are_told_beside_it() {
 }
 
 #[test]
+fn what_the_machine_has_to_have_is_noted() {
+    let directory = tempfile::tempdir().unwrap();
+    let (out, profile) = (directory.path().join("m10.nc"), directory.path().join("lathe.toml"));
+    let out = format!("--out={}", out.display());
+    let told = stderr(&plan(&[&out, "--start-up=delayed", "--vibrations-per-rev=3"]));
+    let wanted = [
+        "thread_vibration.vibrations_per_rev = 3\n",
+        "thread_vibration.start_up = \"THREAD_START_UP_DELAYED\"\n",
+        "thread_vibration.approach_mm = 5\n",
+        "thread_vibration.max_finishing_thickness_mm = 0.08\n",
+    ];
+    for key in wanted {
+        assert!(told.contains(key), "{key} is not in {told}");
+    }
+    assert_eq!(told.matches("note: --").count(), wanted.len(), "{told}");
+    // A machine that has it needs no word.
+    let keys = wanted.concat();
+    std::fs::write(&profile, format!("machine.kind = \"MACHINE_KIND_LATHE\"\n{keys}")).unwrap();
+    let profile = format!("--profile={}", profile.display());
+    let output = plan(&[&out, &profile, "--start-up=delayed", "--vibrations-per-rev=3"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(!stderr(&output).contains("note: --"), "{}", stderr(&output));
+}
+
+#[test]
 fn starts_beyond_their_range_are_refused() {
     for starts in ["--starts=0", "--starts=31"] {
         let output = plan(&[starts]);
