@@ -160,7 +160,9 @@ fn rest(action: &Action, line: &mut String) {
         line.push_str(&format!("{} {}", function.name, if function.on { "on" } else { "off" }));
     }
     if let Some(code) = &action.machine_code {
-        line.push_str(&format!("M{}", code.number));
+        // Behind how long it takes, where it does.
+        let between = if line.ends_with(' ') { "" } else { "  " };
+        line.push_str(&format!("{between}M{}", code.number));
     }
     let words = action.function.as_ref().map(|function| &function.words);
     for word in words.or(action.machine_code.as_ref().map(|code| &code.words)).into_iter().flatten() {

@@ -106,7 +106,11 @@ impl Block {
     pub(super) fn report_spaces(&self, token: Token, findings: &mut FindingLog) {
         let span = self.span_of(token.start, token.end);
         findings.push_with(code::NUMBER_SPACED, |code| {
-            let text = name(token);
+            let mut text = name(token);
+            // Without its point the number may be another one.
+            if token.number.has_point() && !text.contains('.') {
+                text.push('.');
+            }
             Finding::new(code, span, format!("the number has spaces inside and is read as {text}"))
                 .suggest_replacement("write it without spaces", text)
         });

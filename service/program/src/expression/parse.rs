@@ -353,6 +353,11 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
             let exponent = self.arithmetic(operand, bracket)?;
             self.expect(b']', "] is missing here")?;
             self.power(argument, exponent, start)?
+        } else if function == Function::ArcTangent && self.rules().has_truth_values && self.takes(b',') {
+            let operand = self.expression()?;
+            let x = self.arithmetic(operand, bracket)?;
+            self.expect(b']', "] is missing here")?;
+            self.arc_tangent(argument, x, start)?
         } else {
             self.expect(b']', "] or an operator is missing here")?;
             self.apply(function, argument, start)?
@@ -373,26 +378,34 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
 
     /// A function of one argument, or the arc tangent with its second one.
     fn apply(&mut self, function: Function, argument: f64, start: usize) -> Result<f64> {
-        let range = if self.rules().chooses_angle_range { self.context.angle_range } else { AngleRange::Signed };
         if function == Function::ArcTangent && self.opens_second_argument() {
             let operand = self.bracketed()?;
             let x = self.arithmetic(operand, start)?;
-            if x == 0.0 && argument == 0.0 && self.rules().has_truth_values {
-                let message = "ATAN[0]/[0] has no direction";
-                return Err(Defect::new(code::EXPRESSION_ARITHMETIC, start, self.at, message)
-                    .cure("check the values before: one of them must not be 0"));
-            }
-            return Ok(function::arc_tangent(argument, x, range));
+            return self.arc_tangent(argument, x, start);
         }
         if function == Function::ArcTangent && !self.rules().has_truth_values {
             return Err(self.malformed("/ and the second argument of ATAN are missing here"));
         }
-        function::apply(function, argument, range, self.context.increments).map_err(|must| {
+        function::apply(function, argument, self.angle_range(), self.context.increments).map_err(|must| {
             let message = format!("the argument of this function is {argument}, but {must}");
             Defect::new(code::EXPRESSION_ARITHMETIC, start, self.at, message)
                 .value("argument", argument)
                 .cure("check the values that it is computed from")
         })
+    }
+
+    /// `ATAN[y]/[x]`, on newer FANUC controls `ATAN[y,x]` as well.
+    fn arc_tangent(&self, y: f64, x: f64, start: usize) -> Result<f64> {
+        if x == 0.0 && y == 0.0 && self.rules().has_truth_values {
+            let message = "ATAN[0]/[0] has no direction";
+            return Err(Defect::new(code::EXPRESSION_ARITHMETIC, start, self.at, message)
+                .cure("check the values before: one of them must not be 0"));
+        }
+        Ok(function::arc_tangent(y, x, self.angle_range()))
+    }
+
+    fn angle_range(&self) -> AngleRange {
+        if self.rules().chooses_angle_range { self.context.angle_range } else { AngleRange::Signed }
     }
 
     /// Whether `/[` comes next; the `/` is then read.

@@ -162,6 +162,8 @@ fn section_2_fanuc_precedence_and_functions() {
             ("ROUND[-2.5]", -3.0),
             ("ATAN[1]/[-1]", 135.0),
             ("ATAN[-1]/[-1]", 225.0),
+            ("ATAN[-1,-1]", 225.0),
+            ("ATAN[#1-7,2]", 0.0),
             ("ATAN[-1]", -45.0),
             ("ASIN[-0.5]", 330.0),
             ("ASIN[0.5]", 30.0),
@@ -285,6 +287,7 @@ fn section_2_errors() {
             ("BIN[15]", "PRG-EXPRESSION-ARITHMETIC"),
             ("BCD[100000000]", "PRG-EXPRESSION-ARITHMETIC"),
             ("ATAN[0]/[0]", "PRG-EXPRESSION-ARITHMETIC"),
+            ("ATAN[0,0]", "PRG-EXPRESSION-ARITHMETIC"),
         ],
     );
     refused(

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use super::execute::{Execution, MM_PER_INCH};
-use super::motion::set_bits;
+use super::motion::{PLAIN_CORNER_LETTERS, set_bits};
 use crate::block::Word;
 use crate::code;
 use crate::dialect::{Letter, letter_bit};
@@ -137,6 +137,13 @@ impl Execution<'_> {
         {
             self.corners.push((self.operations.len() - 1, corner));
         }
+    }
+
+    /// Leaves the words of a corner alone where its move could not be carried out, which has a finding of its own.
+    #[cold]
+    pub(super) fn pass_over_corner(&mut self, is_plain: bool) {
+        self.commas_used = true;
+        self.used |= if is_plain { PLAIN_CORNER_LETTERS } else { 0 };
     }
 
     /// Says that the words of a corner are in a block without the move that they belong to.

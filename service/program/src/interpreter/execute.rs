@@ -172,8 +172,11 @@ impl Execution<'_> {
             self.coolant(true);
         }
         self.machine_step(&mut machine, MachineStep::After);
-        if self.block.code(Group::Subprogram).is_some() {
-            self.used |= letter_bit(b'P') | letter_bit(b'L') | letter_bit(b'Q');
+        if let Some((meaning, _)) = self.code(Group::Subprogram) {
+            self.used |= match meaning {
+                Meaning::Return => letter_bit(b'P'),
+                _ => letter_bit(b'P') | letter_bit(b'L') | letter_bit(b'Q'),
+            };
         }
         if self.block.has_comma_words() {
             self.check_comma_words();

@@ -21,7 +21,7 @@ use crate::{
 const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
 
 /// The letters of chamfers and roundings without a comma.
-const PLAIN_CORNER_LETTERS: u32 = letter_bit(b'R') | letter_bit(b'I') | letter_bit(b'K') | letter_bit(b'C');
+pub(super) const PLAIN_CORNER_LETTERS: u32 = letter_bit(b'R') | letter_bit(b'I') | letter_bit(b'K') | letter_bit(b'C');
 
 /// Every letter of a curve beside its end.
 pub(super) const CURVE_LETTERS: u32 = CENTRE_LETTERS
@@ -232,17 +232,15 @@ impl Execution<'_> {
         match motion {
             Motion::Rapid => self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
             Motion::Linear => {
-                if self.is_move(end)
-                    && let Some(feed) = self.cutting_feed()
-                {
+                if self.is_move(end) {
                     let plain = self.table.dialect.plain_corners && self.block.letters & PLAIN_CORNER_LETTERS != 0;
+                    let Some(feed) = self.cutting_feed() else { return self.pass_over_corner(plain) };
                     self.emit_cut(axes, end, None, feed, self.block.has_comma_words() || plain);
                 }
             }
             Motion::Arc { clockwise } => {
-                if let Some(arc) = self.arc(clockwise, end)
-                    && let Some(feed) = self.cutting_feed()
-                {
+                if let Some(arc) = self.arc(clockwise, end) {
+                    let Some(feed) = self.cutting_feed() else { return self.pass_over_corner(false) };
                     self.emit_cut(axes, end, Some(arc), feed, self.block.has_comma_words());
                 }
             }

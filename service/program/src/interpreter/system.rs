@@ -116,6 +116,9 @@ impl System<'_> {
         if let Some(value) = self.probed(number) {
             return Ok(Reading { value, is_probed: true });
         }
+        if let Some(refusal) = doubtful_offset(self.settings, number) {
+            return Err(refusal);
+        }
         let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
         match number {
             // Whether the probe has found a contact.
@@ -132,7 +135,6 @@ impl System<'_> {
                 ),
                 cure: format!("take it out, or {}", bring(&number.to_string())).into(),
             }),
-            _ if is_of_small_memory(self.settings, number) => Err(of_small_memory(number)),
             _ => Err(unavailable(&number.to_string())),
         }
     }
@@ -198,23 +200,29 @@ fn speed(system: &System<'_>) -> f64 {
     }
 }
 
-/// Whether a number is one of the tool offsets of mills with few of them, whose meaning depends on the memory of the control.
-fn is_of_small_memory(settings: &LanguageSettings, number: u32) -> bool {
-    settings.dialect == DialectName::Mill && matches!(number, 2_001..=2_999)
-}
-
-#[cold]
-fn of_small_memory(number: u32) -> Refusal {
-    Refusal {
-        code: code::PARAMETER_UNAVAILABLE,
-        message: format!(
-            "#{number} is a length, a radius, a geometry or a wear of a tool offset, by the kind of offset memory that the \
-             control has"
+/// Why a number that is a tool offset on some controls is none that is certain here; `None` for all others.
+fn doubtful_offset(settings: &LanguageSettings, number: u32) -> Option<Refusal> {
+    let (what, cure) = match (settings.dialect, settings.is_haas(), number) {
+        (DialectName::Mill, false, 2_001..=2_999) => (
+            "is a length, a radius, a geometry or a wear of a tool offset, by the kind of offset memory that the control has",
+            "write #10001 on (H wear), #11001 on (H geometry), #12001 on (D wear) or #13001 on (D geometry), which are the same \
+             on all FANUC controls",
         ),
-        cure: "write #10001 on (H wear), #11001 on (H geometry), #12001 on (D wear) or #13001 on (D geometry), which are the same \
-               on all controls"
-            .into(),
-    }
+        (DialectName::Mill, true, 2_401..=2_800) => (
+            "is a diameter or a radius of a tool offset, by setting 40 of the control",
+            "write the value itself, or bring it in the table of tools",
+        ),
+        (DialectName::Mill, true, 10_000..=13_999) => (
+            "is a variable, an input or an output of Haas controls, and a tool offset of FANUC controls",
+            "write #2001 on (H geometry) or #2201 on (H wear) for an offset, and #100 on for a variable",
+        ),
+        (DialectName::Lathe, true, 2_001..=2_299 | 2_701..=2_999) => (
+            "is a tool offset whose geometry and wear have each other's numbers on Haas and on FANUC controls",
+            "write the value itself, or bring it in the table of tools",
+        ),
+        _ => return None,
+    };
+    Some(Refusal { code: code::PARAMETER_UNAVAILABLE, message: format!("#{number} {what}"), cure: cure.into() })
 }
 
 #[cold]
@@ -317,6 +325,6 @@ pub(crate) fn assign_offset(
 
 /// Why a number that is an offset on the control cannot be assigned whatever is in force; `None` for all others.
 pub(super) fn unassigned(settings: &LanguageSettings, number: u32) -> Option<Refusal> {
-    let of_memory = || Refusal { code: code::PARAMETER_READ_ONLY, ..of_small_memory(number) };
-    coordinates::unassigned_offset(settings, number).or_else(|| is_of_small_memory(settings, number).then(of_memory))
+    let read_only = |refusal| Refusal { code: code::PARAMETER_READ_ONLY, ..refusal };
+    coordinates::unassigned_offset(settings, number).or_else(|| doubtful_offset(settings, number).map(read_only))
 }

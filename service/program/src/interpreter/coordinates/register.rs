@@ -49,8 +49,12 @@ impl Register {
     pub(in super::super) fn of(settings: &LanguageSettings, number: u32) -> Option<Self> {
         match settings.dialect {
             DialectName::LinuxCnc => linuxcnc(number),
-            DialectName::Lathe => frames(settings.dialect, number).or_else(|| lathe_tool(number)),
-            DialectName::Mill => frames(settings.dialect, number).or_else(|| mill_tool(number)),
+            dialect => frames(dialect, number).or_else(|| match (dialect, settings.is_haas()) {
+                (DialectName::Lathe, false) => lathe_tool(number),
+                (DialectName::Lathe, true) => haas_lathe_tool(number),
+                (_, false) => mill_tool(number),
+                (_, true) => haas_mill_tool(number),
+            }),
         }
     }
 }
@@ -101,6 +105,21 @@ fn mill_tool(number: u32) -> Option<Register> {
         _ => return None,
     };
     Some(Register::Tool(row, part))
+}
+
+/// Haas mills. Their `D` offsets are diameters or radii by setting 40.
+fn haas_mill_tool(number: u32) -> Option<Register> {
+    let (row, part) = match number {
+        2_001..=2_200 => (number - 2_000, ToolPart::Geometry(Axis::Z)),
+        2_201..=2_400 => (number - 2_200, ToolPart::Wear(Axis::Z)),
+        _ => return None,
+    };
+    Some(Register::Tool(row, part))
+}
+
+/// Haas lathes: what is a wear on FANUC controls is a geometry there.
+fn haas_lathe_tool(number: u32) -> Option<Register> {
+    matches!(number, 2_301..=2_350).then(|| Register::Tool(number - 2_300, ToolPart::Tip))
 }
 
 fn linuxcnc(number: u32) -> Option<Register> {

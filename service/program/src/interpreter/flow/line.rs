@@ -90,9 +90,14 @@ pub(super) fn skip_blanks(line: &[u8], mut at: usize) -> usize {
     at
 }
 
-/// The letters from `at` on, blanks before them left out: where they begin and end.
+/// The letters from `at` on, blanks and comments before them left out: where they begin and end.
 pub(super) fn letters(line: &[u8], at: usize) -> (usize, usize) {
-    let start = skip_blanks(line, at);
+    let mut start = skip_blanks(line, at);
+    while line.get(start) == Some(&b'(')
+        && let Some(length) = line[start..].iter().position(|&byte| byte == b')')
+    {
+        start = skip_blanks(line, start + length + 1);
+    }
     let length = line[start..].iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
     (start, start + length)
 }

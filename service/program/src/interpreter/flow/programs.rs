@@ -60,7 +60,9 @@ impl Interpreter {
                     Found::Nowhere if self.reports_unread('N', *label, start.place.program, findings) => {
                         Err(Progress::Failed)
                     }
-                    _ => Err(self.missing(&format!("a single block N{label} in O{number}"), pending, findings)),
+                    _ => {
+                        Err(self.missing(&format!("block N{label} that is there once in O{number}"), pending, findings))
+                    }
                 }
             }
             CallTarget::Sub(name) => self.find_sub(name, own, pending, findings),

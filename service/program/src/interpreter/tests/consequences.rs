@@ -17,6 +17,12 @@ fn modal_words_that_could_not_be_read() {
 }
 
 #[test]
+fn the_corner_of_a_cut_that_cannot_be_carried_out() {
+    check(&mill(), "T1 T2\nG1 X5. F100\nX10. ,R1.\nY10.", "! 1:4+2 PRG-WORD-DUPLICATE");
+    check(&lathe(), "T1 T2\nM3 S500\nG1 Z-5. F.1\nZ-10. R1.\nX10.", "spindle cw 500\n! 1:4+2 PRG-WORD-DUPLICATE");
+}
+
+#[test]
 fn a_first_feed_or_speed_without_a_value() {
     check(&lathe(), "S500 M3\nG1 X1 F#101\nX2", "spindle cw 500\n! 2:7+5 PRG-VACANT-WORD");
     check(&lathe(), "S#1 M3\nG1 X1 F.1\nG32 Z-5 F2", "! 1:1+3 PRG-VACANT-WORD");

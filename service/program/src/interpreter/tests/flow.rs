@@ -395,3 +395,17 @@ fn lines_that_are_too_long_lead_nowhere_however_the_program_is_cut() {
         assert_eq!((operations, findings), whole, "pieces of {piece} bytes");
     }
 }
+
+#[test]
+fn comments_stand_between_the_words_of_a_statement() {
+    assert_eq!(mill_xs("#1=5\nIF[#1EQ5](YES)GOTO 20\nG0 X1\nN20 G0 X2"), [2.0]);
+    assert_eq!(mill_xs("#1=0\nWHILE[#1LT2](TWICE)DO1\n#1=#1+1\nG0 X#1\nEND1"), [1.0, 2.0]);
+}
+
+#[test]
+fn a_return_takes_nothing_but_where_to() {
+    let program = "M98 P5\nM30\nO5\nG0 X1\nM99 L1\n";
+    let (_, findings) = ends(program, &LanguageSettings::mill());
+    let [finding] = findings.findings() else { panic!("{findings:?}") };
+    assert_eq!((finding.code.name(), finding.span.line, finding.span.column), ("PRG-WORD-UNUSED", 5, 5));
+}

@@ -351,6 +351,11 @@ fn groups_duplicates_and_strangers() {
     check(&mill(), "G0 X1000000001", "! 1:4+11 PRG-NUMBER-RANGE");
     check(&mill(), "G0 X", "! 1:4+1 PRG-NUMBER-MISSING");
     check(&mill(), "G0 X1 000.", "rapid 0 -> X1000\nw 1:4+7 PRG-NUMBER-SPACED");
+    // The cure keeps the point: X50 is 0.05 mm here.
+    let increments = LanguageSettings { decimal_point: DecimalPointRule::LeastIncrement, ..mill() };
+    let findings = interpret(b"G0 X5 0.\nM30", increments).1;
+    let finding = findings.findings().iter().find(|finding| finding.code == "PRG-NUMBER-SPACED").unwrap();
+    assert_eq!(finding.suggestions[0].replacement.as_deref(), Some("X50."));
     check(&mill(), "X1 Y2\nX3\nG0 X4", "rapid X3 Y2 -> X4 Y2\n! 1:1+5 PRG-MOTION-MISSING");
 }
 

@@ -209,3 +209,22 @@ fn what_is_not_in_force_of_a_row_may_be_changed() {
         assert_eq!(run_with(&mill(), &tools(), &program).findings, ["3:PRG-OFFSET-IN-FORCE"], "{change}");
     }
 }
+
+/// Numbers that mean one thing on FANUC and another on Haas controls.
+#[test]
+fn tool_offsets_of_haas_controls_as_variables() {
+    let haas = |mut settings: LanguageSettings| {
+        settings.coordinates.style = crate::CoordinateStyle::Haas;
+        settings
+    };
+    let rows = [ToolOffset::new(5).with_length(105.0)];
+    // Geometry from #2001 and wear from #2201 on.
+    let program = "T5 M6\n#2005=100.\n#2205=.5\nG43 H5 G0 Z10.";
+    ends_with(&haas(mill()), &rows, program, &[[0.0, 0.0, 110.5]]);
+    finds(&haas(mill()), "#10005=.5", &["1:PRG-PARAMETER-READ-ONLY"]);
+    finds(&haas(mill()), "#1=#10500", &["1:PRG-PARAMETER-UNAVAILABLE"]);
+    finds(&haas(mill()), "#13005=3.", &["1:PRG-PARAMETER-READ-ONLY"]);
+    finds(&haas(mill()), "#1=#2405", &["1:PRG-PARAMETER-UNAVAILABLE"]);
+    finds(&haas(lathe()), "#2001=.2", &["1:PRG-PARAMETER-READ-ONLY"]);
+    finds(&haas(lathe()), "#1=#2701", &["1:PRG-PARAMETER-UNAVAILABLE"]);
+}
