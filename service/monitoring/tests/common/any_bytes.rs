@@ -18,6 +18,11 @@ impl Source<'_> {
         first
     }
 
+    /// Whether something is so that is so once in `n` times.
+    fn one_in(&mut self, n: u8) -> bool {
+        self.byte().is_multiple_of(n)
+    }
+
     fn bits(&mut self) -> u64 {
         u64::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }
@@ -40,7 +45,7 @@ impl Source<'_> {
     }
 
     fn length(&mut self) -> Length {
-        if self.byte() % 2 == 0 { Length::Seconds(self.number(0.01)) } else { Length::Series(self.count(2)) }
+        if self.one_in(2) { Length::Seconds(self.number(0.01)) } else { Length::Series(self.count(2)) }
     }
 
     fn sensors(&mut self) -> Sensors {
@@ -56,28 +61,28 @@ impl Source<'_> {
 // As long as the settings.
 fn configuration(source: &mut Source<'_>) -> MonitoringConfig {
     let mut config = MonitoringConfig { sample_rate_hz: source.number(10_000.0), ..MonitoringConfig::default() };
-    config.tool = (source.byte() % 8 > 0).then(|| source.sensors());
-    config.work = (source.byte() % 4 == 0).then(|| source.sensors());
-    if source.byte() % 3 == 0 {
+    config.tool = (!source.one_in(8)).then(|| source.sensors());
+    config.work = source.one_in(4).then(|| source.sensors());
+    if source.one_in(3) {
         config.grouping = Grouping::Time { samples_per_point: source.count(5) };
     } else {
         config.grouping = Grouping::Angle { points: source.count(4) };
     }
     (config.baseline, config.window) = (source.length(), source.length());
-    config.tool_check.max_ratio = (source.byte() % 4 == 0).then(|| source.number(0.5));
-    config.tool_check.max_run_out = (source.byte() % 4 == 0).then(|| source.number(0.5));
-    config.idle_run_up = (source.byte() % 4 == 0).then(|| IdleRunUp {
+    config.tool_check.max_ratio = source.one_in(4).then(|| source.number(0.5));
+    config.tool_check.max_run_out = source.one_in(4).then(|| source.number(0.5));
+    config.idle_run_up = source.one_in(4).then(|| IdleRunUp {
         spindle_rev_per_min: (0..source.byte() % 70).map(|step| source.number(100.0 + f64::from(step))).collect(),
         speed_tolerance: source.number(0.1),
         length: source.length(),
         max_difference: source.number(1.0),
     });
-    if source.byte() % 2 == 0 {
+    if source.one_in(2) {
         let (on_samples, off_samples) = (source.count(2), source.count(5));
         config.contact = ContactSource::Detected { threshold: source.number(0.01), on_samples, off_samples };
     }
     config.settling_s = source.number(0.001);
-    config.spectrum = (source.byte() % 3 == 0).then(|| SpectrumConfig {
+    config.spectrum = source.one_in(3).then(|| SpectrumConfig {
         samples: source.count(64),
         min_frequency_hz: source.number(20.0),
         noise_floor: source.number(1e-5),
@@ -85,7 +90,7 @@ fn configuration(source: &mut Source<'_>) -> MonitoringConfig {
         edges: source.count(3),
     });
     let quality = &mut config.quality;
-    if source.byte() % 2 == 0 {
+    if source.one_in(2) {
         quality.spikes = Some(SpikeFilter { max_step: source.number(0.1), max_run: source.count(2) });
     }
     (quality.min_valid_samples, quality.stuck_samples) = (source.count(8), source.count(8));
@@ -97,9 +102,9 @@ fn configuration(source: &mut Source<'_>) -> MonitoringConfig {
     (rules.feed.lower, rules.feed.upper, rules.feed.step) =
         (source.number(0.1), source.number(1.0), source.number(0.1));
     rules.fallback = [Fallback::Hold, Fallback::Full, Fallback::Stop][usize::from(source.byte() % 3)];
-    rules.escalation = (source.byte() % 3 > 0).then(|| Escalation {
+    rules.escalation = (!source.one_in(3)).then(|| Escalation {
         windows: source.count(2),
-        action: if source.byte() % 2 == 0 { EscalationAction::Hold } else { EscalationAction::Stop },
+        action: if source.one_in(2) { EscalationAction::Hold } else { EscalationAction::Stop },
     });
     rules.spindle = match source.byte() % 3 {
         0 => SpindleRule::None,
@@ -145,7 +150,7 @@ impl Columns {
                 let common = if index == 6 { *sensor_time_ns as f64 * 1e-6 } else { small * (1.0 + index as f64) };
                 column.push(if kind < 32 { source.number(common) } else { common });
             }
-            columns.contact.push(kind % 8 > 0);
+            columns.contact.push(!kind.is_multiple_of(8));
             columns.line.push(u32::from(kind));
         }
         columns
@@ -176,9 +181,9 @@ fn event(source: &mut Source<'_>, sensor_time_ns: u64) -> Event {
     match source.byte() % 8 {
         0 => Event::ProgrammedSpindle { rev_per_min: source.number(600.0) },
         1 => Event::Overrides { feed: source.number(1.0), spindle: source.number(1.0) },
-        2 => Event::Threading(source.byte() % 2 == 0),
+        2 => Event::Threading(source.one_in(2)),
         3 => Event::Tool(u32::from(source.byte() % 2)),
-        4 if source.byte() % 2 == 0 => Event::Resume,
+        4 if source.one_in(2) => Event::Resume,
         4 => Event::Rebaseline,
         5 => Event::Clock(source.bits()),
         _ => Event::Clock(sensor_time_ns),
@@ -193,7 +198,7 @@ fn run(config: &MonitoringConfig, input: &[u8], restarts: bool) -> Vec<Decision>
     let (mut sensor_time_ns, mut sequence) = (0, 0);
     while !source.0.is_empty() {
         let mut sink = |decision| decisions.push(decision);
-        if source.byte() % 4 == 0 {
+        if source.one_in(4) {
             // A refused event changes nothing.
             let _ = monitor.note(event(&mut source, sensor_time_ns), &mut sink);
         } else {
