@@ -56,6 +56,8 @@ pub(crate) struct OffsetDue {
     pub(crate) change: Position,
     /// Where the machine was then.
     pub(crate) machine: Position,
+    /// `G28` of a Haas control may have cancelled the length since.
+    pub(crate) returned: bool,
 }
 
 impl OffsetDue {

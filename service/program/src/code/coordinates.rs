@@ -58,9 +58,9 @@ crate::finding_codes! {
     }
 
     "PRG-COORD-INCREMENT" [COORD_INCREMENT: Warning] {
-        meaning: "an incremental move directly behind the start or the end of a rotation",
+        meaning: "an incremental move, or one of a single axis of the plane, directly behind the start or the end of a rotation",
         cause: "Controls count it from the rotated or from the plain coordinates of the present position.",
-        cure: "Let an absolute move in the plane come first.",
+        cure: "Let an absolute move with both axes of the plane come first.",
         example: mill("G0 X10 Y0\nG68 X0 Y0 R90\nG91 X5"),
     }
 

@@ -41,6 +41,13 @@ crate::finding_codes! {
         example: on("mill, language.coordinates.style = COORDINATE_STYLE_HAAS", "G43 H1\nG91 G0 Z10"),
     }
 
+    "PRG-LENGTH-RETURN" [LENGTH_RETURN: Error] {
+        meaning: "a place along Z behind a return to the reference position that may have cancelled the tool length",
+        cause: "Some Haas mills cancel the length with G28, others keep it, so that Z goes to different places.",
+        cure: "Call the length again with G43 and its H, or write G49, before Z is named.",
+        example: on("mill, language.coordinates.style = COORDINATE_STYLE_HAAS", "G43 H1\nG91 G28 Z0\nG90 G0 Z10"),
+    }
+
     "PRG-LENGTH-UNIT" [LENGTH_UNIT: Warning] {
         meaning: "another unit while a tool offset is in force in LinuxCNC",
         cause: "LinuxCNC keeps the number of the offset without converting it to the new unit: where the offset changes next, an axis \

@@ -4,6 +4,7 @@
 
 use super::Execution;
 use crate::code;
+use crate::coordinates::OffsetDue;
 use crate::dialect::Letter;
 use crate::interpreter::motion::{Frame, set_bits};
 use crate::{Axis, DialectName, Finding, Position, SourceSpan};
@@ -11,6 +12,10 @@ use crate::{Axis, DialectName, Finding, Position, SourceSpan};
 impl Execution<'_> {
     /// Keeps what the tool's offset has become more than `before`.
     pub(in super::super) fn offset_changed(&mut self, before: &Position) {
+        // Whatever it is, it is as the program says.
+        if self.state.coords.due.as_ref().is_some_and(|due| due.returned) {
+            self.keep_due(OffsetDue { returned: false, ..*self.state.coords.due.take().unwrap_or_default() });
+        }
         // LinuxCNC counts incremental words from where the tip is.
         if self.is_linuxcnc_dialect() || *before == self.state.length.offset {
             return;
@@ -25,7 +30,39 @@ impl Execution<'_> {
             due.axes = if due.change[place] == 0.0 { due.axes.without(axis) } else { due.axes.with_axis(axis) };
         }
         due.machine = machine;
-        self.state.coords.due = (!due.axes.is_empty()).then_some(due);
+        self.keep_due(*due);
+    }
+
+    fn keep_due(&mut self, due: OffsetDue) {
+        self.state.coords.due = (!due.axes.is_empty() || due.returned).then(|| Box::new(due));
+    }
+
+    /// `G28` has returned an axis: older Haas mills cancel the tool length with it, newer ones keep it.
+    pub(in super::super) fn length_returned(&mut self) {
+        if self.is_haas()
+            && self.settings.dialect == DialectName::Mill
+            && self.state.length.offset != Position::default()
+        {
+            self.state.coords.due.get_or_insert_default().returned = true;
+        }
+    }
+
+    /// Reports an absolute place along Z where `G28` may have cancelled the length.
+    fn check_returned(&mut self, span: SourceSpan) {
+        let Some(due) = self.state.coords.due.as_mut().filter(|due| due.returned) else { return };
+        due.returned = false;
+        let number = self.state.length.number;
+        let length_mm = self.state.length.length_mm;
+        self.findings.push_with(code::LENGTH_RETURN, |code| {
+            let message = format!(
+                "G28 has returned to the reference position since the length {length_mm} mm of H{number} was called: some Haas \
+                 controls have cancelled it, others have not, and Z goes to different places"
+            );
+            Finding::new(code, span, message)
+                .with_value("length", length_mm, "mm")
+                .suggest(format!("call the length again with G43 H{number} in this block or before it"))
+                .suggest("write G49 before it, where Z is to be without the length")
+        });
     }
 
     /// Nothing is due to these axes any more.
@@ -36,7 +73,7 @@ impl Execution<'_> {
                 due.axes = due.axes.without(axis);
             }
         }
-        self.state.coords.due = (!due.axes.is_empty()).then_some(due);
+        self.keep_due(*due);
     }
 
     /// What the words in the mask `axes` move more than they say, as the offset has changed since the last move of their axes. Where
@@ -52,6 +89,9 @@ impl Execution<'_> {
                 Letter::Increment(axis) => (axis, true),
                 _ => continue,
             };
+            if axis == Axis::Z && !increment && frame == Frame::Work {
+                self.check_returned(self.block.word_span(self.block.slot(place)));
+            }
             if increment && due.is_due(axis, &machine) {
                 more[axis.index()] = due.change[axis.index()];
                 if !self.adds_due() {
@@ -77,6 +117,9 @@ impl Execution<'_> {
     /// Reports an incremental level of a cycle that the change of an offset may belong to.
     pub(in super::super) fn check_due_level(&mut self, axis: Axis, along: u32, from_start: bool) {
         let Some(due) = self.state.coords.due.clone() else { return };
+        if axis == Axis::Z {
+            self.check_returned(self.block.span());
+        }
         if from_start && due.is_due(axis, &self.machine_position()) {
             self.due_unclear(axis, due.change[axis.index()], self.block.span());
         }

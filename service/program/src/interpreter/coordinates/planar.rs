@@ -418,25 +418,29 @@ impl Execution<'_> {
         others
     }
 
-    /// Warns of an incremental move directly behind the start or the end of a rotation.
+    /// Warns of a move directly behind the start or the end of a rotation that is incremental, or names one axis of the plane alone.
     #[cold]
     pub(in super::super) fn check_absolute(&mut self, axes: u32) {
         let (first, second) = self.state.plane.axes();
-        let in_plane = [first, second].map(|axis| letter_bit(axis.letter() as u8));
-        if axes & (in_plane[0] | in_plane[1]) == 0 {
+        let in_plane = letter_bit(first.letter() as u8) | letter_bit(second.letter() as u8);
+        if axes & in_plane == 0 {
             return;
         }
         self.state.coords.awaits_absolute = false;
-        if self.state.absolute {
-            return;
-        }
+        let (message, cure) = match (self.state.absolute, axes & in_plane == in_plane) {
+            (true, true) => return,
+            (false, _) => (
+                "the first move behind the start or the end of a rotation is incremental: it is counted from the present \
+                 place in the coordinates that are in force now",
+                "let an absolute move come first",
+            ),
+            (true, false) => (
+                "the first move behind the start or the end of a rotation names one axis of the plane: the other one stays \
+                 at its present place in the coordinates that are in force now, on other controls at its programmed value",
+                "name both axes of the plane in it",
+            ),
+        };
         let span = self.block.span();
-        self.coord(
-            code::COORD_INCREMENT,
-            span,
-            "the first move behind the start or the end of a rotation is incremental: it is counted from the present \
-             place in the coordinates that are in force now",
-            "let an absolute move come first",
-        );
+        self.coord(code::COORD_INCREMENT, span, message, cure);
     }
 }

@@ -56,6 +56,9 @@ impl Execution<'_> {
         let intermediate = Intermediate { axes: named, position: over, total: self.state.coords.total };
         self.state.coords.tables.intermediate = Some(intermediate);
         self.go_home(named, &reference, span);
+        if !further {
+            self.length_returned();
+        }
     }
 
     /// Index of the reference position; nothing after a finding.
@@ -103,6 +106,7 @@ impl Execution<'_> {
             self.emit_move(MoveKind::Rapid, &here, None, Feed::PerMinute(0.0));
         }
         self.go_home(ALL, reference, span);
+        self.length_returned();
     }
 
     /// Rapid to the reference position in these axes.

@@ -154,6 +154,12 @@ fn rotation() {
 }
 
 #[test]
+fn the_first_move_behind_a_rotation_names_both_axes() {
+    finds(&mill(), "G0 X5 Y-3\nG68 X0 Y0 R90\nG0 X10", &["3:PRG-COORD-INCREMENT"]);
+    finds(&mill(), "G0 X5 Y-3\nG68 X0 Y0 R90\nG0 Z5\nX10 Y2\nX5\nG69\nX5 Y2", &[]);
+}
+
+#[test]
 fn the_chain_is_mirror_scaling_rotation_compensation_offsets() {
     let mut settings = mill();
     settings.work_offsets[0][1] = 1_000.0;

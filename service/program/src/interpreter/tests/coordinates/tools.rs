@@ -228,3 +228,18 @@ fn tool_offsets_of_haas_controls_as_variables() {
     finds(&haas(lathe()), "#2001=.2", &["1:PRG-PARAMETER-READ-ONLY"]);
     finds(&haas(lathe()), "#1=#2701", &["1:PRG-PARAMETER-UNAVAILABLE"]);
 }
+
+/// Older Haas mills cancel the length with `G28`: who calls it again is right on all of them.
+#[test]
+fn a_return_leaves_the_length_of_haas_mills_unclear() {
+    let mut haas = mill();
+    haas.coordinates.style = crate::CoordinateStyle::Haas;
+    let returned = "G43 H1 G0 Z10\nG91 G28 Z0\nG90 X5\n";
+    finds(&haas, &format!("{returned}Z10\nZ20"), &["4:PRG-LENGTH-RETURN"]);
+    finds(&haas, &format!("{returned}G81 Z-5 R2 F100"), &["4:PRG-LENGTH-RETURN"]);
+    finds(&haas, "G43 H1 G0 Z10\nG28\nZ10", &["3:PRG-LENGTH-RETURN"]);
+    for cured in ["G43 H1 Z10", "G43 H1\nZ10", "G49\nZ10", "G53 Z0", "G91 G28 Z0\nM30", "G91 Z-5\nG90 G43 H1 Z10"] {
+        finds(&haas, &format!("{returned}{cured}"), &[]);
+    }
+    finds(&mill(), &format!("{returned}Z10"), &[]);
+}
