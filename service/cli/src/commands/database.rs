@@ -66,7 +66,7 @@ pub struct RestoreArgs {
     from: PathBuf,
     #[command(flatten)]
     store: StoreArgs,
-    /// Restore it even if something in it is damaged; `feedwave check` says what would be lost
+    /// Restore it even if records in it are damaged; `feedwave check` says what would be lost
     #[arg(long)]
     accept_damage: bool,
 }

@@ -29,7 +29,11 @@ pub(crate) async fn restore(
 async fn copied(mut source: SqliteConnection, part: &Path, accept_damage: bool) -> Result<CopyReport, CopyError> {
     remove(part).map_err(CopyError::To)?;
     // What is verified is the copy: what will be used.
-    let report = copy(&mut source, part).await.map_err(|error| match error {
+    let copied = copy(&mut source, part).await;
+    if copied.is_err() {
+        remove(part).map_err(CopyError::To)?;
+    }
+    let report = copied.map_err(|error| match error {
         StoreError::Corrupt { .. } | StoreError::Incompatible(_) => CopyError::From(error),
         error => CopyError::To(error),
     })?;
