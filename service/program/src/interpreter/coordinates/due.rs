@@ -13,8 +13,8 @@ impl Execution<'_> {
     /// Keeps what the tool's offset has become more than `before`.
     pub(in super::super) fn offset_changed(&mut self, before: &Position) {
         // Whatever it is, it is as the program says.
-        if self.state.coords.due.as_ref().is_some_and(|due| due.returned) {
-            self.keep_due(OffsetDue { returned: false, ..*self.state.coords.due.take().unwrap_or_default() });
+        if let Some(due) = self.state.coords.due.take() {
+            self.keep_due(OffsetDue { returned: false, ..*due });
         }
         // LinuxCNC counts incremental words from where the tip is.
         if self.is_linuxcnc_dialect() || *before == self.state.length.offset {
