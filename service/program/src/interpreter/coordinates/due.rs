@@ -117,7 +117,7 @@ impl Execution<'_> {
     /// Reports an incremental level of a cycle that the change of an offset may belong to.
     pub(in super::super) fn check_due_level(&mut self, axis: Axis, along: u32, from_start: bool) {
         let Some(due) = self.state.coords.due.clone() else { return };
-        if axis == Axis::Z {
+        if axis == Axis::Z && !from_start {
             self.check_returned(self.block.span());
         }
         if from_start && due.is_due(axis, &self.machine_position()) {
