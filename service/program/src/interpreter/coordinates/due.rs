@@ -7,6 +7,7 @@ use crate::code;
 use crate::coordinates::OffsetDue;
 use crate::dialect::Letter;
 use crate::interpreter::motion::{Frame, set_bits};
+use crate::state::LengthCompensation;
 use crate::{Axis, DialectName, Finding, Position, SourceSpan};
 
 impl Execution<'_> {
@@ -51,8 +52,8 @@ impl Execution<'_> {
     fn check_returned(&mut self, span: SourceSpan) {
         let Some(due) = self.state.coords.due.as_mut().filter(|due| due.returned) else { return };
         due.returned = false;
-        let number = self.state.length.number;
-        let length_mm = self.state.length.length_mm;
+        let LengthCompensation { number, length_mm, negative, .. } = self.state.length;
+        let calls = if negative { "G44" } else { "G43" };
         self.findings.push_with(code::LENGTH_RETURN, |code| {
             let message = format!(
                 "G28 has returned to the reference position since the length {length_mm} mm of H{number} was called: some Haas \
@@ -60,7 +61,7 @@ impl Execution<'_> {
             );
             Finding::new(code, span, message)
                 .with_value("length", length_mm, "mm")
-                .suggest(format!("call the length again with G43 H{number} in this block or before it"))
+                .suggest(format!("call the length again with {calls} H{number} in this block or before it"))
                 .suggest("write G49 before it, where Z is to be without the length")
         });
     }

@@ -242,4 +242,8 @@ fn a_return_leaves_the_length_of_haas_mills_unclear() {
         finds(&haas, &format!("{returned}{cured}"), &[]);
     }
     finds(&mill(), &format!("{returned}Z10"), &[]);
+    let program = "G44 H1 G0 Z10\nG91 G28 Z0\nG90 Z10\nM30\n";
+    let interpreter = Interpreter::new(haas).with_tools(tools());
+    let findings = interpreter.read_all(program.as_bytes()).1.into_findings();
+    assert!(findings[0].suggestions[0].message.contains("G44 H1"), "{findings:?}");
 }
