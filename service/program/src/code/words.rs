@@ -21,7 +21,7 @@ crate::finding_codes! {
     "PRG-WORD-UNUSED" [WORD_UNUSED: Error] {
         meaning: "a word no code of its block uses",
         cause: "The code that takes the word is missing, or the word is left over from another block.",
-        cure: "Remove the word, or add the code it belongs to.",
+        cure: "Add the code that the word belongs to, or remove it if it does nothing on the machine either.",
         example: lathe("G0 X10 K5"),
     }
 

@@ -545,7 +545,7 @@ impl Execution<'_> {
             let message = format!("{letter}{value} has no meaning in this block: no code of it takes {letter}");
             Finding::new(code, span, message)
                 .with_value("value", value, "")
-                .suggest("remove it, or add the code it belongs to")
+                .suggest("add the code it belongs to, or remove it if it does nothing on the machine either")
         });
     }
 
