@@ -41,6 +41,14 @@ pub(crate) fn observed(document: &Value, item: &str) -> Vec<Value> {
     found.into_iter().map(|(_, value)| value).collect()
 }
 
+/// What a probe of one device says of its spindle beside the data items.
+fn spindle_specifications(probe: &Value) -> Value {
+    let axes = &probe["MTConnectDevices"]["Devices"]["Device"][0]["Components"]["Axes"][0]["Components"];
+    let rotary = axes["Rotary"].as_array().expect("axes that turn");
+    let spindle = rotary.iter().find(|axis| axis["name"] == "S").expect("a spindle");
+    spindle["Configuration"]["Specifications"].clone()
+}
+
 /// The next document of a stream, as JSON.
 async fn next_document(stream: &mut Open) -> Option<Value> {
     let ends = |read: &[u8]| {
@@ -110,11 +118,11 @@ async fn documents_are_xml_or_json_and_errors_have_their_codes() {
 async fn a_client_follows_a_run_from_probe_to_its_end() {
     let (server, web) = agent("").await;
     let job = monitored(&server, crate::live_runs::config()).await;
-    let current = web.get("/current?format=json").await.json();
-    assert_eq!(observed(&current, "lathe_avail"), ["UNAVAILABLE"]);
-    assert_eq!(observed(&current, "lathe_smode"), ["SPINDLE"]);
-    let next = header(&current, "Streams")["nextSequence"].as_u64().expect("a number");
-    let last = header(&current, "Streams")["lastSequence"].as_u64().expect("a number");
+    let current_before = web.get("/current?format=json").await.json();
+    assert_eq!(observed(&current_before, "lathe_avail"), ["UNAVAILABLE"]);
+    assert_eq!(observed(&current_before, "lathe_smode"), ["SPINDLE"]);
+    let next = header(&current_before, "Streams")["nextSequence"].as_u64().expect("a number");
+    let last = header(&current_before, "Streams")["lastSequence"].as_u64().expect("a number");
     assert_eq!(next, last + 1);
     let nothing = web.get(&format!("/sample?from={next}&format=json")).await.json();
     assert_eq!(nothing["MTConnectStreams"]["Streams"], serde_json::json!({}));
@@ -158,6 +166,16 @@ async fn a_client_follows_a_run_from_probe_to_its_end() {
     assert_eq!(observed(&current, "lathe_a0pos"), [state["run"]["commanded"]["axes"][0]["position"].clone()]);
     assert_eq!(observed(&current, "lathe_sdef"), [state["run"]["process"]["maxDeviation"].clone()]);
     assert_eq!(observed(&current, "lathe_fovr"), [100.0]);
+    // The limits that the deviation is held against are in the probe, while that run is connected.
+    let process = &state["run"]["process"];
+    let limits = serde_json::json!([{
+        "id": "lathe_sdef_limits", "type": "DISPLACEMENT", "originator": "USER", "dataItemIdRef": "lathe_sdef",
+        "units": "MILLIMETER", "ControlLimits": { "LowerLimit": process["lower"], "UpperLimit": process["upper"] },
+    }]);
+    let probe = web.get("/lathe/probe?format=json").await.json();
+    assert_eq!(spindle_specifications(&probe)["ProcessSpecification"], limits);
+    let changed = header(&probe, "Devices")["deviceModelChangeTime"].clone();
+    assert_ne!(changed, header(&current_before, "Streams")["deviceModelChangeTime"]);
     let feed = state["run"]["commanded"]["feedMmPerMin"].as_f64().expect("a number");
     assert_eq!(observed(&current, "lathe_feed"), [feed / 60.0]);
 
@@ -169,6 +187,8 @@ async fn a_client_follows_a_run_from_probe_to_its_end() {
         assert_eq!(observed(&current, item), ["UNAVAILABLE"], "{item}");
     }
     assert_eq!(observed(&current, "lathe_mot"), ["Unavailable"]);
+    let probe = web.get("/lathe/probe?format=json").await.json();
+    assert_eq!(spindle_specifications(&probe), Value::Null);
     // Nothing new, but a sign of life.
     let quiet = next_document(&mut stream).await.expect("the stream goes on");
     assert_eq!(quiet["MTConnectStreams"]["Streams"], serde_json::json!({}));

@@ -241,6 +241,9 @@ const documents = async (state) => {
   ];
   for (const [kind, path] of asked) {
     const text = await valid(kind, path);
+    if (path === "/mill/probe") {
+      assert.match(text, /<ProcessSpecification [^>]*dataItemIdRef="mill_sdef"[^>]*>\s*<ControlLimits>/, "the limits of the run");
+    }
     if (path === "/current") {
       assert.match(text, />ACTIVE<.*>Pocket</s);
       assert.ok(text.includes(`>${Math.round(state.run.overrides.feed * 1e4) / 100}<`), "the override of the run");

@@ -23,7 +23,7 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 use buffer::{Buffer, ItemKey, Observed};
-use model::{Device, Role};
+use model::{Device, Limits, Role};
 pub(crate) use server::{AgentState, router};
 use values::Value;
 
@@ -35,12 +35,36 @@ use crate::stored;
 #[derive(Debug)]
 struct Known {
     device: Arc<Device>,
+    /// What the run with this name, which is connected, is monitored with, once a window has been judged.
+    limits: Option<(String, Limits)>,
     /// Version of the machine that the device was made from.
     etag: String,
     /// What it did when it was looked at last, and since when: an end that is over before it was seen is told nevertheless.
     execution: Option<(Execution, Option<prost_types::Timestamp>)>,
     /// The last observation of a device that is shown no more.
     ended_at: Option<u64>,
+}
+
+impl Known {
+    /// Takes over the limits that a run is monitored with; whether they have changed. They stay while it is connected, whether its
+    /// data can be judged or not.
+    fn follow_limits(&mut self, state: &MachineState) -> bool {
+        let run = state.run.as_ref().filter(|_| state.availability() == Availability::Available);
+        let limits = run.and_then(|run| match &run.process {
+            Some(reading) => Some((run.run.clone(), self.device.control_limits(reading)?)),
+            None => self.limits.clone().filter(|(of, _)| *of == run.run),
+        });
+        let is_new = limits != self.limits;
+        self.limits = limits;
+        is_new
+    }
+
+    /// The device with all its limits.
+    fn described(&self) -> Device {
+        let mut device = (*self.device).clone();
+        device.limits.extend(self.limits.iter().map(|(_, limits)| limits.clone()));
+        device
+    }
 }
 
 /// Everything that answers are made of.
@@ -92,7 +116,8 @@ impl Observations {
         let number = self.next_device;
         self.next_device += 1;
         let values = device.values(&MachineState::default());
-        let known = Known { device: Arc::new(device), etag: etag.to_owned(), execution: None, ended_at: None };
+        let known =
+            Known { device: Arc::new(device), limits: None, etag: etag.to_owned(), execution: None, ended_at: None };
         self.devices.insert(number, known);
         self.model_changes(now_us);
         // Nothing is known, which has to be said before anybody asks.
@@ -149,12 +174,16 @@ impl Observations {
         let ended = matches!(state.execution(), Execution::Finished | Execution::Stopped);
         let is_gone = state.availability() != Availability::Available;
         known.execution = Some(execution);
+        let has_new_limits = known.follow_limits(state);
         let time_us = state.run.as_ref().and_then(|run| run.update_time).map_or(now_us, |time| {
             time.seconds.saturating_mul(1_000_000).saturating_add(i64::from(time.nanos) / 1_000)
         });
         let values = known.device.values(state);
         let end = (is_new && ended && is_gone).then(|| values::execution(state.execution()));
         let items: Vec<_> = (0..).zip(known.device.items.iter().map(|item| item.role)).zip(values).collect();
+        if has_new_limits {
+            self.model_changes(now_us);
+        }
         for ((index, role), value) in items {
             let key = (number, index);
             if let Some(end) = end.filter(|_| role == Role::Execution) {
@@ -290,12 +319,18 @@ impl Agent {
 mod tests {
     use feedwave_contract::proto::{RunActivity, RunProgress};
 
+    use super::model::Axis;
     use super::*;
+
+    /// A device with these linear axes, which travel from −100 mm.
+    fn device(id: &str, axes: &[&str]) -> Device {
+        let axis = |name: &&str| Axis { name: (*name).to_owned(), turns: false, travel: [Some(-100.0), None] };
+        Device::new(id, &axes.iter().map(axis).collect::<Vec<_>>())
+    }
 
     fn agent() -> Agent {
         let agent = Agent::new(1_000);
-        let axes = [("X".to_owned(), false), ("Z".to_owned(), false)];
-        agent.observations().put("lathe", "1", Device::new("lathe", &axes), 0);
+        agent.observations().put("lathe", "1", device("lathe", &["X", "Z"]), 0);
         agent
     }
 
@@ -365,6 +400,51 @@ mod tests {
     }
 
     #[test]
+    fn limits_are_those_of_the_run_that_is_connected() {
+        use feedwave_contract::proto::{ProcessProperty, ProcessReading};
+        let agent = agent();
+        let mut observations = agent.observations();
+        let shown = |observations: &Observations| {
+            let device = observations.devices[&0].described();
+            let of = |limits: &Limits| (device.items[limits.item].role, limits.lower, limits.upper);
+            device.limits.iter().map(of).collect::<Vec<_>>()
+        };
+        let travel = [(Role::Axis, Some(-100.0), None); 2];
+        let mut run = state(Execution::Running, 1, 7);
+        observations.observe(0, &run, 3);
+        assert_eq!((shown(&observations), observations.model_changed_us), (travel.to_vec(), 0));
+        let reading = |property: ProcessProperty, unit: &str, upper: f64| ProcessReading {
+            property: property.into(),
+            unit: unit.to_owned(),
+            lower: 0.002,
+            upper,
+            ..Default::default()
+        };
+        for (time, property, unit, upper, role) in [
+            (4, ProcessProperty::Deviation, "mm", 0.01, Some(Role::Deviation)),
+            (5, ProcessProperty::Deviation, "mm/s²", 9.0, Some(Role::DeviationAcceleration)),
+            (6, ProcessProperty::VibrationFrequency, "Hz", 600.0, Some(Role::Frequency)),
+            (7, ProcessProperty::VibrationAmplitude, "mm/s²", 3.0, None),
+            (8, ProcessProperty::VibrationAmplitude, "mm", 0.03, Some(Role::Amplitude)),
+        ] {
+            run.run.as_mut().unwrap().process = Some(reading(property, unit, upper));
+            observations.observe(0, &run, time);
+            let own = role.map(|role| (role, Some(0.002), Some(upper)));
+            assert_eq!(shown(&observations), travel.into_iter().chain(own).collect::<Vec<_>>());
+            observations.observe(0, &run, time + 100);
+            assert_eq!(observations.model_changed_us, time, "the same again is no change");
+        }
+        // Nothing can be judged for a while: the limits are what they were.
+        run.run.as_mut().unwrap().process = None;
+        observations.observe(0, &run, 9);
+        assert_eq!((shown(&observations).len(), observations.model_changed_us), (3, 8));
+        // Another run has not been judged yet.
+        run.run.as_mut().unwrap().run = "runs/2".to_owned();
+        observations.observe(0, &run, 10);
+        assert_eq!((shown(&observations), observations.model_changed_us), (travel.to_vec(), 10));
+    }
+
+    #[test]
     fn positions_are_of_axes_by_their_names() {
         use feedwave_contract::proto::{CommandedAxis, CommandedState};
         let axis = |axis: &str, position: f64, unit: &str| CommandedAxis {
@@ -380,7 +460,8 @@ mod tests {
         let mut state = state(Execution::Running, 1, 7);
         state.run.as_mut().unwrap().commanded = Some(commanded);
         let axes = [("X", false), ("Y", false), ("C", false), ("Z", false), ("C", true)];
-        let device = Device::new("mill", &axes.map(|(name, turns)| (name.to_owned(), turns)));
+        let axes = axes.map(|(name, turns)| Axis { name: name.to_owned(), turns, travel: [None; 2] });
+        let device = Device::new("mill", &axes);
         let values = device.values(&state);
         let positions: Vec<_> = device
             .items
@@ -404,8 +485,7 @@ mod tests {
         let mut all = request::Wanted::of(&observations, None, None).unwrap();
         let exec = *wanted.items.first().unwrap();
         assert_eq!((wanted.items.len(), exec.0), (1, 0));
-        let axes = [("X".to_owned(), false)];
-        assert_eq!(observations.put("lathe", "2", Device::new("lathe", &axes), 5), 1);
+        assert_eq!(observations.put("lathe", "2", device("lathe", &["X"]), 5), 1);
         let newest = |observations: &Observations, item| observations.buffer.newest().of(item)[0].what.clone();
         assert_eq!(newest(&observations, exec), Observed::Value(Value::Unavailable));
         wanted.renew(&observations);
@@ -416,7 +496,7 @@ mod tests {
         assert_eq!(newest(&observations, *wanted.items.last().unwrap()), Observed::Value(Value::Text("ACTIVE".into())));
         wanted.forget_ended(&observations);
         assert_eq!(wanted.items.len(), 1);
-        observations.put("mill", "1", Device::new("mill", &axes), 6);
+        observations.put("mill", "1", device("mill", &["X"]), 6);
         all.renew(&observations);
         assert!(all.items.iter().any(|item| item.0 == 2), "a machine that was made later");
         observations.remove("lathe", 7);
@@ -431,8 +511,7 @@ mod tests {
         let agent = Agent::new(500);
         let mut observations = agent.observations();
         for number in 0..1_000 {
-            let device = Device::new("lathe", &[("X".to_owned(), false)]);
-            observations.put("lathe", &number.to_string(), device, number);
+            observations.put("lathe", &number.to_string(), device("lathe", &["X"]), number);
             observations.remove("lathe", number);
         }
         assert!(observations.devices.len() < 50, "{}", observations.devices.len());
@@ -445,11 +524,10 @@ mod tests {
     #[test]
     fn a_machine_with_other_axes_is_another_device() {
         let agent = agent();
-        let axes = [("X".to_owned(), false), ("Z".to_owned(), false)];
         let mut observations = agent.observations();
-        assert_eq!(observations.put("lathe", "2", Device::new("lathe", &axes), 5), 0);
+        assert_eq!(observations.put("lathe", "2", device("lathe", &["X", "Z"]), 5), 0);
         assert_eq!(observations.model_changed_us, 0, "nothing that is shown has changed");
-        assert_eq!(observations.put("lathe", "3", Device::new("lathe", &axes[..1]), 7), 1);
+        assert_eq!(observations.put("lathe", "3", device("lathe", &["X"]), 7), 1);
         assert_eq!((observations.named("feedwave.lathe"), observations.model_changed_us), (Some(1), 7));
         observations.remove("lathe", 9);
         assert_eq!((observations.named("lathe"), observations.model_changed_us), (None, 9));

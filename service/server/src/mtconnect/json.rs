@@ -38,6 +38,13 @@ fn one(name: &str, list: Vec<Value>) -> Value {
     if list.is_empty() { json!({}) } else { json!({ name: list }) }
 }
 
+/// Appends to the list with this name.
+fn append(lists: &mut Map<String, Value>, name: &str, value: Value) {
+    if let Some(list) = lists.entry(name).or_insert_with(|| json!([])).as_array_mut() {
+        list.push(value);
+    }
+}
+
 fn members(attributes: &Attributes) -> Map<String, Value> {
     let value = |value: &Attribute| match value {
         Attribute::Text(text) => json!(text),
@@ -57,6 +64,20 @@ fn component(device: &Device, index: usize) -> Map<String, Value> {
     if index == 0 {
         members.insert("uuid".to_owned(), json!(device.uuid()));
     }
+    let mut specifications = Map::new();
+    for (item, limits) in device.limits_of(index) {
+        let (name, around) = limits.elements();
+        let numbers: Map<_, _> = limits.numbers().map(|(name, number)| (name.to_owned(), json!(number))).collect();
+        let numbers = match around {
+            Some(around) => Map::from_iter([(around.to_owned(), Value::Object(numbers))]),
+            None => numbers,
+        };
+        let own = limits.attributes(item).into_iter().map(|(name, value)| (name.to_owned(), json!(value)));
+        append(&mut specifications, name, Value::Object(own.chain(numbers).collect()));
+    }
+    if !specifications.is_empty() {
+        members.insert("Configuration".to_owned(), json!({ "Specifications": specifications }));
+    }
     let items = device.items.iter().filter(|item| item.component == index);
     let items: Vec<Value> = items
         .map(|item| {
@@ -74,10 +95,7 @@ fn component(device: &Device, index: usize) -> Map<String, Value> {
     }
     let mut parts = Map::new();
     for (part, below) in device.components.iter().enumerate().filter(|(_, part)| part.parent == Some(index)) {
-        let list = parts.entry(below.kind).or_insert_with(|| json!([]));
-        if let Some(list) = list.as_array_mut() {
-            list.push(Value::Object(component(device, part)));
-        }
+        append(&mut parts, below.kind, Value::Object(component(device, part)));
     }
     if !parts.is_empty() {
         members.insert("Components".to_owned(), Value::Object(parts));
@@ -114,10 +132,7 @@ fn by_element(entries: &[Entry]) -> Map<String, Value> {
             Content::Vector(values) => Some(json!(values)),
         };
         own.extend(value.map(|value| ("value".to_owned(), value)));
-        let list = lists.entry(entry.element.clone()).or_insert_with(|| json!([]));
-        if let Some(list) = list.as_array_mut() {
-            list.push(Value::Object(own));
-        }
+        append(&mut lists, &entry.element, Value::Object(own));
     }
     lists
 }

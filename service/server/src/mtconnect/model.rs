@@ -1,6 +1,6 @@
 //! The devices of the agent: one for each machine, with its components and data items.
 
-use feedwave_contract::proto::{AxisLetter, Machine, MachineAxis, MachineState};
+use feedwave_contract::proto::{AxisLetter, Machine, MachineAxis, MachineState, ProcessProperty, ProcessReading};
 
 use super::values::{self, Value};
 
@@ -116,14 +116,81 @@ impl Item {
     }
 }
 
+/// What limits of a data item mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LimitKind {
+    /// What the axis can reach.
+    Travel,
+    /// Within them the feed stays as it is.
+    Control,
+}
+
+/// The limits of a data item; at least one of them.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Limits {
+    pub(super) kind: LimitKind,
+    /// Index of the data item, which has their unit.
+    pub(super) item: usize,
+    pub(super) lower: Option<f64>,
+    pub(super) upper: Option<f64>,
+}
+
+impl Limits {
+    /// Name of the element, and that of the one around its numbers.
+    pub(super) const fn elements(&self) -> (&'static str, Option<&'static str>) {
+        match self.kind {
+            LimitKind::Travel => ("Specification", None),
+            LimitKind::Control => ("ProcessSpecification", Some("ControlLimits")),
+        }
+    }
+
+    /// The attributes of that element.
+    pub(super) fn attributes(&self, item: &Item) -> Vec<(&'static str, String)> {
+        let originator = match self.kind {
+            LimitKind::Travel => "MANUFACTURER",
+            LimitKind::Control => "USER",
+        };
+        let optional = [("subType", item.sub_type), ("units", item.units)];
+        let given = optional.into_iter().filter_map(|(name, value)| Some((name, value?.to_owned())));
+        [
+            ("id", format!("{}_limits", item.id)),
+            ("type", item.kind.to_owned()),
+            ("originator", originator.to_owned()),
+            ("dataItemIdRef", item.id.clone()),
+        ]
+        .into_iter()
+        .chain(given)
+        .collect()
+    }
+
+    /// The numbers with the names of their elements, the upper one first.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let [upper, lower] = match self.kind {
+            LimitKind::Travel => ["Maximum", "Minimum"],
+            LimitKind::Control => ["UpperLimit", "LowerLimit"],
+        };
+        [(upper, self.upper), (lower, self.lower)].into_iter().filter_map(|(name, value)| Some((name, value?)))
+    }
+}
+
 /// A machine as the agent shows it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Device {
     /// Identifier of the machine; the device has it as its id and name.
     pub(super) id: String,
     /// The device itself first; parts behind what they are part of.
     pub(super) components: Vec<Component>,
     pub(super) items: Vec<Item>,
+    pub(super) limits: Vec<Limits>,
+}
+
+/// An axis of a machine as a device shows it.
+#[derive(Clone, Debug)]
+pub(super) struct Axis {
+    pub(super) name: String,
+    pub(super) turns: bool,
+    /// Lowest and highest position, mm or degrees; `None`: unlimited.
+    pub(super) travel: [Option<f64>; 2],
 }
 
 /// Puts a device together.
@@ -166,10 +233,10 @@ impl Builder {
 }
 
 impl Device {
-    /// The device of a machine with these axes: name, and whether they turn.
-    pub(super) fn new(id: &str, axes: &[(String, bool)]) -> Self {
+    /// The device of a machine with these axes.
+    pub(super) fn new(id: &str, axes: &[Axis]) -> Self {
         let itself = Component { kind: "Device", id: id.to_owned(), name: Some(id.to_owned()), parent: None };
-        let device = Self { id: id.to_owned(), components: vec![itself], items: Vec::new() };
+        let device = Self { id: id.to_owned(), components: vec![itself], items: Vec::new(), limits: Vec::new() };
         let mut builder = Builder { device };
         builder.item(0, Role::Availability, "avail", Category::Event, "AVAILABILITY");
         builder.axes(axes);
@@ -180,13 +247,36 @@ impl Device {
     /// The device of a machine of the store.
     pub(super) fn of(id: &str, machine: &Machine) -> Self {
         let model = machine.profile.as_ref().and_then(|profile| profile.machine.as_ref());
-        let axes = model.map(|model| model.axes.iter().map(|axis| (axis.name.clone(), is_rotary(axis))).collect());
-        let axes: Vec<_> = axes.unwrap_or_default();
+        let shown = |axis: &MachineAxis| Axis {
+            name: axis.name.clone(),
+            turns: is_rotary(axis),
+            travel: [axis.travel_min, axis.travel_max],
+        };
+        let axes: Vec<_> = model.map(|model| model.axes.iter().map(shown).collect()).unwrap_or_default();
         Self::new(id, &axes)
+    }
+
+    /// The limits that a run is monitored with, as its last reading has them.
+    pub(super) fn control_limits(&self, reading: &ProcessReading) -> Option<Limits> {
+        let role = match (reading.property(), reading.unit.as_str()) {
+            (ProcessProperty::Deviation, "mm") => Role::Deviation,
+            (ProcessProperty::Deviation, _) => Role::DeviationAcceleration,
+            (ProcessProperty::VibrationAmplitude, "mm") => Role::Amplitude,
+            (ProcessProperty::VibrationFrequency, _) => Role::Frequency,
+            (ProcessProperty::VibrationAmplitude | ProcessProperty::Unspecified, _) => return None,
+        };
+        let item = self.items.iter().position(|item| item.role == role)?;
+        Some(Limits { kind: LimitKind::Control, item, lower: Some(reading.lower), upper: Some(reading.upper) })
     }
 
     pub(super) fn uuid(&self) -> String {
         format!("feedwave.{}", self.id)
+    }
+
+    /// The limits of the data items of a component, with these.
+    pub(super) fn limits_of(&self, component: usize) -> impl Iterator<Item = (&Item, &Limits)> {
+        let with_item = self.limits.iter().map(|limits| (&self.items[limits.item], limits));
+        with_item.filter(move |(item, _)| item.component == component)
     }
 
     /// The value of every item in a state of the machine.
@@ -201,9 +291,9 @@ fn is_rotary(axis: &MachineAxis) -> bool {
 }
 
 impl Builder {
-    fn axes(&mut self, axes: &[(String, bool)]) {
+    fn axes(&mut self, axes: &[Axis]) {
         let group = self.component("Axes", "ax", None, 0);
-        for (index, (name, turns)) in axes.iter().enumerate() {
+        for (index, Axis { name, turns, travel: [lower, upper] }) in axes.iter().enumerate() {
             let (kind, suffix) = if *turns { ("Rotary", "ang") } else { ("Linear", "pos") };
             // By number: names of axes may be those of other things.
             let axis = self.component(kind, &format!("a{index}"), Some(name), group);
@@ -212,6 +302,10 @@ impl Builder {
             item.sub_type = Some("COMMANDED");
             item.units = Some(units);
             item.coordinate_system = Some("MACHINE");
+            if lower.or(*upper).is_some() {
+                let item = self.device.items.len() - 1;
+                self.device.limits.push(Limits { kind: LimitKind::Travel, item, lower: *lower, upper: *upper });
+            }
         }
         let spindle = self.component("Rotary", "spindle", Some("S"), group);
         for (role, suffix, sub_type) in

@@ -262,10 +262,12 @@ impl<'a> Reader<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::model::Axis;
     use super::*;
 
     fn devices() -> [Device; 2] {
-        let axes = |names: &[&str]| names.iter().map(|name| ((*name).to_owned(), *name == "C")).collect::<Vec<_>>();
+        let axis = |name: &&str| Axis { name: (*name).to_owned(), turns: *name == "C", travel: [None; 2] };
+        let axes = |names: &[&str]| names.iter().map(axis).collect::<Vec<_>>();
         [Device::new("lathe", &axes(&["X", "Z"])), Device::new("mill-5", &axes(&["X", "Y", "Z", "C"]))]
     }
 

@@ -19,7 +19,7 @@ use super::buffer::{ItemKey, Observation, Snapshot};
 use super::document::{AGENT, Attribute, Attributes, Document, device_stream, time};
 use super::model::Device;
 use super::request::{CurrentQuery, Form, Parameters, Refusal, SampleQuery, Target, Wanted, known, target};
-use super::{Agent, Observations, json, now_us, xml};
+use super::{Agent, Known, Observations, json, now_us, xml};
 use crate::access::Access;
 use crate::connections::{Connection, Held, OpenCall, Resource};
 
@@ -112,13 +112,10 @@ impl Agent {
             header.push(("assetCount", Attribute::Number(0)));
             let shown = observations.shown().into_values().map(|(number, _)| number);
             let wanted = shown.filter(|number| device.is_none_or(|device| *number == device));
-            let devices: Vec<_> = wanted
-                .filter_map(|number| observations.devices.get(&number))
-                .map(|known| known.device.clone())
-                .collect();
-            (header, devices)
+            let known = wanted.filter_map(|number| observations.devices.get(&number));
+            (header, known.map(Known::described).collect::<Vec<_>>())
         };
-        write(&Document::Devices { header, devices: devices.iter().map(|device| &**device).collect() }, form)
+        write(&Document::Devices { header, devices: devices.iter().collect() }, form)
     }
 
     /// Copies observations with their devices, so that nobody waits while they are written.

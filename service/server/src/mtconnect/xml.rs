@@ -139,6 +139,7 @@ fn component(out: &mut String, device: &Device, index: usize, depth: usize) {
         attributes.push(("uuid", Attribute::Text(device.uuid())));
     }
     open(out, depth, component.kind, &attributes, false);
+    configuration(out, device, index, depth + 1);
     let items: Vec<_> = device.items.iter().filter(|item| item.component == index).collect();
     if !items.is_empty() {
         open(out, depth + 1, "DataItems", &Vec::new(), false);
@@ -163,6 +164,33 @@ fn component(out: &mut String, device: &Device, index: usize, depth: usize) {
         close(out, depth + 1, "Components");
     }
     close(out, depth, component.kind);
+}
+
+/// The limits of a component's data items.
+fn configuration(out: &mut String, device: &Device, index: usize, depth: usize) {
+    let limits: Vec<_> = device.limits_of(index).collect();
+    if limits.is_empty() {
+        return;
+    }
+    open(out, depth, "Configuration", &Vec::new(), false);
+    open(out, depth + 1, "Specifications", &Vec::new(), false);
+    for (item, limits) in limits {
+        let (name, around) = limits.elements();
+        let attributes = limits.attributes(item).into_iter().map(|(name, value)| (name, Attribute::Text(value)));
+        open(out, depth + 2, name, &attributes.collect(), false);
+        if let Some(around) = around {
+            open(out, depth + 3, around, &Vec::new(), false);
+        }
+        for (name, number) in limits.numbers() {
+            element(out, depth + 4, name, &Vec::new(), &Content::Number(number));
+        }
+        if let Some(around) = around {
+            close(out, depth + 3, around);
+        }
+        close(out, depth + 2, name);
+    }
+    close(out, depth + 1, "Specifications");
+    close(out, depth, "Configuration");
 }
 
 fn component_stream(out: &mut String, stream: &super::document::ComponentStream<'_>) {
