@@ -140,9 +140,35 @@ fn a_stream_from_a_corner_on_is_the_same() {
     }
 }
 
+/// Kinds of cuts.
+const KINDS: usize = 7;
+
+/// The one whose directions are vectors.
+const BY_VECTORS: usize = 6;
+
+/// Lines along X and turns at rest between them, by vectors.
+fn cut_by_vectors(feed: f64, mut numbers: impl FnMut(f64, f64) -> f64) -> String {
+    let mut text = format!("G43.5 H1\nG0 X0 Y0 Z20 I0.3 J0.2 K1\nG1 F{feed}\n");
+    let (mut x, [mut i, mut j]) = (0.0, [0.3, 0.2]);
+    for k in 1..14 {
+        if k % 2 == 1 {
+            x += numbers(0.2, 6.0);
+        }
+        // Every other line keeps its direction.
+        if k % 4 != 1 {
+            (i, j) = (i + numbers(-0.05, 0.05), j + numbers(-0.05, 0.05));
+        }
+        let _ = writeln!(text, "X{x:.4} I{i:.5} J{j:.5} K1");
+    }
+    text + "M30\n"
+}
+
 /// A cut of one kind at a feed, with the rotary axes of a machine, whose numbers come from `numbers`.
 fn cut(kind: usize, feed: f64, rotary: [char; 2], mut numbers: impl FnMut(f64, f64) -> f64) -> String {
     let [tilt, turn] = rotary;
+    if kind == BY_VECTORS {
+        return cut_by_vectors(feed, numbers);
+    }
     let mut text = format!("G43.4 H1\nG0 X0 Y0 Z20 {tilt}20 {turn}0\nG1 F{feed}\n");
     let (leg, height, kink_deg) = (numbers(0.3, 6.0), numbers(0.2, 3.0), numbers(0.0, 3.0));
     let ([mut x, mut y], mut heading, [mut a, mut c]) = ([0.0; 2], 0.0_f64, [20.0, 0.0]);
@@ -165,8 +191,10 @@ fn cut(kind: usize, feed: f64, rotary: [char; 2], mut numbers: impl FnMut(f64, f
                 (x, y, a, c) = (leg * f64::from(k), height * odd, 20.0 + kink_deg * odd, 1.5 * kink_deg * f64::from(k));
             }
             // Directions that change in place.
-            3 if k % 2 == 0 => (a, c) = (20.0 + numbers(-5.0, 5.0), c + numbers(-5.0, 5.0)),
+            3 | 5 if k % 2 == 0 => (a, c) = (20.0 + numbers(-5.0, 5.0), c + numbers(-5.0, 5.0)),
             3 => x += numbers(1.0, 6.0),
+            // The same between lines on which the tool turns as well.
+            5 => (x, a, c) = (x + numbers(0.2, 6.0), a + numbers(-2.0, 2.0), c + numbers(-2.0, 2.0)),
             // Short blocks along a wave.
             _ => {
                 x += numbers(0.1, 1.0);
@@ -214,13 +242,70 @@ fn plans_for_the_least_time_brake_and_start_in_corners_with_all_axes() {
     assert!(rounded < 0.97 * stopping, "{rounded} and {stopping} s");
 }
 
+/// Lines of 5 mm along X with turns of A at rest between them, the angle of A on each line, and the cut.
+fn turns_at_rest(turn_deg: f64) -> (Vec<f64>, String) {
+    let mut text = "G43.4 H1\nG0 X0 Y0 Z20 A20 C10\nG1 F3000\n".to_owned();
+    let mut angles = vec![20.0];
+    for k in 1..=8 {
+        let _ = writeln!(text, "X{}", 5 * k);
+        let at = 20.0 + turn_deg * f64::from(k) * if k % 3 == 0 { -1.0 } else { 1.0 };
+        let _ = writeln!(text, "A{at:.4}");
+        angles.push(at);
+    }
+    (angles, text + "X45\nM30\n")
+}
+
+#[test]
+fn a_turn_at_rest_begins_while_the_tip_comes_to_rest_and_ends_while_it_leaves() {
+    for (quality, turn_deg, least_gain) in [
+        (PlanQuality::LeastTime, 0.15, 1.05),
+        (PlanQuality::LeastTime, 1.0, 1.02),
+        // At one speed along a corner, a stop is quicker.
+        (PlanQuality::Fast, 1.0, 0.999),
+    ] {
+        for kind in 0..6 {
+            let (config, rotary) = machine(kind, quality);
+            let (angles, cut) = turns_at_rest(turn_deg);
+            let cut = cut.replace('A', &rotary[0].to_string());
+            let [stopping, overlapping] = times_s(["G61.1", "G64 P0.02"], &cut, &config);
+            assert!(overlapping * least_gain < stopping, "{kind} {turn_deg}: {overlapping} and {stopping} s");
+            let setpoints = run(&format!("G64 P0.02\n{cut}"), &config);
+            let column = config.profile.machine.axes.iter().position(|axis| axis.axis.letter() == rotary[0]);
+            let tilts = &setpoints.axes[column.expect("a tilting axis")];
+            let mut off_deg = 0.0_f64;
+            for ((pose, tilt), line) in poses(&setpoints, &config).iter().zip(tilts).zip(&setpoints.line) {
+                if *line < 4 {
+                    continue;
+                }
+                let [x, y, z] = pose.tip_mm;
+                assert!(y.abs() < 1e-9 && (z - 20.0).abs() < 1e-9, "{kind}: {x} {y} {z}");
+                let corner = (x / 5.0).round();
+                if (x - 5.0 * corner).abs() > 1e-9 {
+                    off_deg = off_deg.max((tilt - angles[(x / 5.0) as usize]).abs());
+                }
+            }
+            // Strictly by the place of the tip, and no less than it may be.
+            let least_deg = if quality == PlanQuality::LeastTime { 0.05 } else { 0.0 };
+            assert!(off_deg <= 0.1 + 1e-9 && off_deg >= least_deg, "{kind} {turn_deg}: {off_deg}°");
+            let last = setpoints.len() - 1;
+            let [x, ..] = poses(&setpoints, &config)[last].tip_mm;
+            assert!((x - 45.0).abs() < 1e-9 && tilts[last] == angles[8], "{x} {}", tilts[last]);
+            // A tolerance of nothing leaves them as they are programmed.
+            let mut strict = config.clone();
+            strict.profile.corner_direction_tolerance_deg = 0.0;
+            let [exact] = times_s(["G64 P0.02"], &cut, &strict);
+            assert!(exact * 1.001 >= overlapping * least_gain, "{exact}");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     /// Fast plans within a tolerance take no longer than exact stops, whatever the machine, the cut and the feed.
     #[test]
     fn no_tolerance_takes_longer_than_stops(
-        kind in 0..5_usize,
+        kind in 0..KINDS,
         machine_kind in 0..6_usize,
         feed in prop_oneof![Just(600.0), Just(3000.0), Just(10_000.0)],
         p in 0.005..0.2_f64,
@@ -237,7 +322,7 @@ proptest! {
     /// Corners keep the limits of every axis at any period in either quality, and go on the same from any place.
     #[test]
     fn corners_keep_limits_at_any_period(
-        kind in 0..5_usize,
+        kind in 0..KINDS,
         machine_kind in 0..6_usize,
         least_time: bool,
         period in 0..3_usize,

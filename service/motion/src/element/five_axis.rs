@@ -157,7 +157,19 @@ impl FiveAxis {
             s => self.tip.at(s / length),
         };
         let tip = TipPath::Line([at(from), at(to)]);
-        (!pieces.is_empty() && start != end).then(|| Self { pieces, tip, ..self.clone() })
+        (!pieces.is_empty() && (start != end || self.tip.rests())).then(|| Self { pieces, tip, ..self.clone() })
+    }
+
+    /// Lengths of the first and of the last piece.
+    pub(crate) fn end_pieces(&self) -> [f64; 2] {
+        [self.pieces.first(), self.pieces.last()].map(|piece| piece.map_or(0.0, |piece| 2.0 * piece.half))
+    }
+
+    /// The polynomials of both rotary axes, degrees, on the piece at a place: its middle, half of its length, and the coefficients by
+    /// powers of t.
+    pub(crate) fn rotary_about(&self, s: f64) -> (f64, f64, [[f64; COEFFICIENTS]; 2]) {
+        let piece = &self.pieces[self.piece_at(s)];
+        (piece.middle, piece.half, [CHAIN - 2, CHAIN - 1].map(|axis| piece.of(axis)))
     }
 
     /// Where the work lies, and how long the tool is.

@@ -1,8 +1,9 @@
 //! The path of the tool centre point along a block: straight, an arc or helix in any plane, or a spline, which is also the curve
-//! at a corner between two blocks.
+//! at a corner between two blocks; also straight to rest or from rest, at the corner to a turn of the tool.
 
 use serde::{Deserialize, Serialize};
 
+use super::ease::{Ease, Easing};
 use super::vector::{Vec3, add, add_scaled, cross, dot, norm, scale, sub, unit};
 use crate::Spline;
 use crate::tolerance::CURVE_BYTES;
@@ -16,6 +17,8 @@ pub enum TipPath {
     Arc(Box<TipArc>),
     /// Along a spline, at a corner that is rounded, or in one curve of short blocks.
     Spline(Box<TipSpline>),
+    /// From one point to another, to rest or from rest, while the tool begins or ends to turn.
+    Eased([Vec3; 2], Ease, Easing),
 }
 
 /// A spline.
@@ -65,7 +68,7 @@ impl TipPath {
     /// Upper bound of the memory that it takes besides itself, bytes.
     pub(crate) fn bytes(&self) -> usize {
         match self {
-            Self::Line(_) => 0,
+            Self::Line(_) | Self::Eased(..) => 0,
             Self::Arc(_) => CURVE_BYTES,
             Self::Spline(tip) => CURVE_BYTES + tip.spline.bytes(),
         }
@@ -104,11 +107,16 @@ impl TipPath {
         matches!(self, Self::Line([start, end]) if start != end)
     }
 
+    /// Whether it stays at one point.
+    pub(crate) fn rests(&self) -> bool {
+        matches!(self, Self::Line([start, end]) if start == end)
+    }
+
     /// First and last point.
     #[must_use]
     pub fn ends(&self) -> &[Vec3; 2] {
         match self {
-            Self::Line(ends) => ends,
+            Self::Line(ends) | Self::Eased(ends, ..) => ends,
             Self::Arc(arc) => &arc.ends,
             Self::Spline(it) => &it.ends,
         }
@@ -118,7 +126,7 @@ impl TipPath {
     #[must_use]
     pub fn length_mm(&self) -> f64 {
         match self {
-            Self::Line([start, end]) => norm(sub(*end, *start)),
+            Self::Line([start, end]) | Self::Eased([start, end], ..) => norm(sub(*end, *start)),
             Self::Arc(arc) => {
                 let [start_mm, end_mm] = arc.radius_mm;
                 let turned_mm = 0.5 * (start_mm + end_mm) * arc.sweep_rad;
@@ -133,6 +141,9 @@ impl TipPath {
     pub fn at(&self, share: f64) -> Vec3 {
         match self {
             Self::Line([start, end]) => add_scaled(*start, sub(*end, *start), share),
+            Self::Eased([start, end], ease, easing) => {
+                add_scaled(*start, sub(*end, *start), easing.share(*ease, share))
+            }
             Self::Arc(arc) => arc.at(share),
             Self::Spline(it) => it.spline.point(share * it.spline.length_mm()),
         }
@@ -141,7 +152,7 @@ impl TipPath {
     /// The shares of the block at which stretches of it end, and an upper bound of the curvature of each, 1/mm.
     pub(crate) fn curvatures(&self) -> Vec<(f64, f64)> {
         match self {
-            Self::Line(_) => vec![(1.0, 0.0)],
+            Self::Line(_) | Self::Eased(..) => vec![(1.0, 0.0)],
             Self::Arc(arc) => {
                 let [start_mm, end_mm] = arc.radius_mm;
                 let turn = arc.sweep_rad.abs() / self.length_mm();
@@ -160,6 +171,7 @@ impl TipPath {
     pub fn slope(&self, share: f64) -> Vec3 {
         match self {
             Self::Line([start, end]) => sub(*end, *start),
+            Self::Eased([start, end], ease, easing) => scale(sub(*end, *start), easing.share_slope(*ease, share)),
             Self::Arc(arc) => {
                 let [start_mm, end_mm] = arc.radius_mm;
                 let growth_mm = end_mm - start_mm;

@@ -121,13 +121,12 @@ impl<T: Carried> CornerQuestion<T> {
     /// Whether it is to be rounded; also where it cannot be, which is found later.
     fn is_rounded(&self, machine: &Machine) -> bool {
         let [before, next] = &self.blocks;
-        let Some((elements, rounding)) =
-            before.rounded(next, self.limits_mm, on_machine(machine, CornerSpeed::Changing))
+        let Some((elements, used)) = before.rounded(next, self.limits_mm, on_machine(machine, CornerSpeed::Changing))
         else {
             return true;
         };
         let carried = [&before.carried, &self.carried, &next.carried];
-        is_rounded_in_least_time(elements.each_ref(), carried, rounding.cut_mm, machine)
+        is_rounded_in_least_time(elements.each_ref(), carried, used.cut_mm, machine)
     }
 }
 
@@ -139,7 +138,7 @@ impl<T: Carried> CornerAnswers<T> {
         blocks: [&Entry<T>; 2],
         limits_mm: [f64; 2],
         (elements, carried): (&[Element; 3], &T),
-        (cut_mm, machine): (f64, &Machine),
+        (cut_mm, machine): ([f64; 2], &Machine),
     ) -> bool {
         match CornerQuestion::of(blocks, carried, limits_mm) {
             Some(question) => self.to(question, machine, CornerQuestion::is_rounded),
@@ -154,11 +153,11 @@ impl<T: Carried> CornerAnswers<T> {
 fn is_rounded_in_least_time<T: Carried>(
     elements: [&Element; 3],
     carried: [&T; 3],
-    cut_mm: f64,
+    cut_mm: [f64; 2],
     machine: &Machine,
 ) -> bool {
     let [before, curve, after] = elements;
-    let blocks = [(before, before.length + cut_mm), (after, after.length + cut_mm)];
+    let blocks = [(before, before.length + cut_mm[0]), (after, after.length + cut_mm[1])];
     let corner = Corner { curve, blocks, cut_mm, command: carried[1].commanded_mm_per_s(curve, machine) };
     corner.is_rounded_in_least_time(machine, || {
         let pieces = elements.into_iter().zip(carried).map(|(element, carried)| (element, carried, false));

@@ -57,6 +57,15 @@ pub(super) struct Rounding {
     shape: Shape,
 }
 
+/// What a curve at a corner takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Used {
+    /// What is cut from the element before and from the one behind, mm; of a turn at rest degrees.
+    pub(super) cut_mm: [f64; 2],
+    /// Largest distance of the curve from the path, mm.
+    pub(super) deviation_mm: f64,
+}
+
 /// Distances of the second and third control point from a corner between lines, as shares of the cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shape {
@@ -112,6 +121,10 @@ impl Shape {
 }
 
 impl Rounding {
+    pub(super) const fn used(&self) -> Used {
+        Used { cut_mm: [self.cut_mm; 2], deviation_mm: self.deviation_mm }
+    }
+
     /// The same between lines with less cut off.
     pub(super) fn with_cut(self, cut_mm: f64) -> Self {
         Self { cut_mm, deviation_mm: self.deviation_mm * (cut_mm / self.cut_mm), ..self }

@@ -6,15 +6,15 @@
 use feedwave_program::{Axis, Position};
 
 use super::Joining;
-use super::corner::{self, CornerSpeed, Rounding, Shape};
+use super::corner::{self, CornerSpeed, Shape, Used};
 use super::joint::Joint;
 use super::vector::{difference, norm, scaled};
-use crate::kinematics::FiveAxisCorners;
+use crate::kinematics::{Easing, FiveAxisCorners};
 use crate::tolerance::{
     LEAST_CORNER_COSINE, LEAST_CORNER_CUT_MM, MAX_CORNER_TRIES, MOST_UNEVEN_SHARE, TANGENT_TOLERANCE_RAD,
     USED_SAMPLED_TOLERANCE,
 };
-use crate::{Curve, Element, FiveAxis, Machine};
+use crate::{Curve, Element, FiveAxis, Machine, PathLimits, PathMotion, path_limits};
 
 /// What the corner between two blocks asks for, of which one at least is guided: it stays but between blocks of one setup.
 ///
@@ -30,6 +30,9 @@ pub(super) fn joint(
     else {
         return Joint::Fixed;
     };
+    if !(from.tip().is_line() && to.tip().is_line()) {
+        return Joint::Fixed;
+    }
     let tip_kink = tip_kink(before, after);
     let goes_on = tip_kink * tip_kink <= 2.0 * (1.0 - LEAST_CORNER_COSINE);
     if from.setup() != to.setup() || before.end != after.start || !goes_on {
@@ -105,7 +108,7 @@ pub(super) fn round(
     [before, after]: [&Element; 2],
     [tolerance_mm, most_cut_mm]: [f64; 2],
     shape: Shape,
-) -> Option<([Element; 3], Rounding)> {
+) -> Option<([Element; 3], Used)> {
     let (Curve::FiveAxis(from), Curve::FiveAxis(to)) = (&before.curve, &after.curve) else { return None };
     let tips = [tip_line(before, from), tip_line(after, to)];
     if is_tangent(before, after) {
@@ -134,11 +137,58 @@ pub(super) fn round(
             let tip = rounding.curve(&tip_before, &tip_after);
             let turns = core::array::from_fn(|k| [turns[0][k], turns[1][k], 0.0]);
             let corner = corners.element(after, [short_before.end, short_after.start], &[tip], &[turns])?;
-            return Some(([short_before, corner, short_after], rounding));
+            return Some(([short_before, corner, short_after], rounding.used()));
         }
         cut_mm *= (0.9 * tolerance_rad / deviation_rad).clamp(0.25, 0.9);
     }
     None
+}
+
+/// The same between a line of the tool centre point and a turn at rest: the turn begins before the line ends, or ends behind the beginning of
+/// the line. Of both there is what may be cut, mm or degrees, and the commanded speed. `None` where the corner has to stay.
+///
+/// Of the turn the corner has no more than the tolerance of the direction, and of the line what it comes to rest or starts on in the same
+/// time, at constant jerk.
+pub(super) fn ease(
+    corners: &FiveAxisCorners<'_>,
+    [before, after]: [&Element; 2],
+    [most_cut, commands]: [[f64; 2]; 2],
+    machine: &Machine,
+) -> Option<([Element; 3], Used)> {
+    let (Curve::FiveAxis(from), Curve::FiveAxis(to)) = (&before.curve, &after.curve) else { return None };
+    if from.setup() != to.setup() || before.end != after.start {
+        return None;
+    }
+    let limits = |element: &Element, command: f64| {
+        let own = path_limits(element, machine, PathMotion::ZERO).ok()?;
+        Some(PathLimits { velocity: own.velocity.min(command), ..own })
+    };
+    let limits = [limits(before, commands[0])?, limits(after, commands[1])?];
+    let mut most = [most_cut[0].min(from.end_pieces()[1]), most_cut[1].min(to.end_pieces()[0])];
+    let turn = usize::from(to.tip().rests());
+    most[turn] = most[turn].min(corners.direction_tolerance_rad.to_degrees());
+    let time_s = starting_s(most[0], limits[0]).min(starting_s(most[1], limits[1]));
+    let cut = [0, 1].map(|side| started(time_s, limits[side]).min(most[side]));
+    // A length that is no number is refused as well.
+    let is_enough = cut.iter().all(|cut| *cut >= LEAST_CORNER_CUT_MM);
+    if !is_enough {
+        return None;
+    }
+    let corner = corners.eased([before, after], Easing { ends: cut[0], begins: cut[1] })?;
+    let [before, after] = [before.part(0.0, before.length - cut[0])?, after.part(cut[1], after.length)?];
+    Some(([before, corner, after], Used { cut_mm: cut, deviation_mm: 0.0 }))
+}
+
+/// Time to start over a length from rest at constant jerk, s.
+fn starting_s(length: f64, limits: PathLimits) -> f64 {
+    let by_jerk_s = libm::cbrt(6.0 * length / limits.jerk);
+    by_jerk_s.max((6.0 * length / limits.acceleration).sqrt()).max(3.0 * length / limits.velocity)
+}
+
+/// Length that is started over from rest in a time at constant jerk.
+fn started(time_s: f64, limits: PathLimits) -> f64 {
+    let jerk = limits.jerk.min(limits.acceleration / time_s).min(2.0 * limits.velocity / (time_s * time_s));
+    jerk * time_s * time_s * time_s / 6.0
 }
 
 /// Whether all machine axes go on with the velocities that they have.

@@ -6,8 +6,9 @@
 //! than a twentieth of `P`; what it used is not used again at the corners beside it.
 //!
 //! A corner is rounded where two cutting elements of one work offset meet, moving X, Y and Z only, or both under tool centre
-//! point control with the tool centre point in motion, and the block before it asks for continuous path control. It stays where the direction turns by more than 170°, where the
-//! elements are too short, and at the ends of everything else.
+//! point control, and the block before it asks for continuous path control. It stays where the direction turns by more than 170°, where the
+//! elements are too short, and at the ends of everything else. Beside a turn of the tool with its centre point at rest, the turn and the
+//! line overlap by the tolerance of the direction, while the tool centre point stays on its line.
 //!
 //! With [`Joining::many_blocks`], elements that are tangent but bend differently meet in a ramp of curvature, and where corners
 //! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]), under tool centre point control
@@ -41,7 +42,7 @@ use serde::{Deserialize, Serialize};
 
 use self::answers::{Answers, CornerAnswers, WayAnswers};
 pub use self::corner::CornerSpeed;
-use self::corner::Rounding;
+use self::corner::Used;
 use self::curve::Open;
 use self::joint::Joint;
 pub use self::origin::{Deviation, Origin};
@@ -352,9 +353,14 @@ impl<T: Carried> Entry<T> {
         let mut other_axes = Axis::ALL.into_iter().filter(|axis| !matches!(axis, Axis::X | Axis::Y | Axis::Z));
         !self.element.rapid
             && match &self.element.curve {
-                Curve::FiveAxis(five_axis) => five_axis.tip().is_line(),
+                Curve::FiveAxis(five_axis) => five_axis.tip().is_line() || five_axis.tip().rests(),
                 _ => other_axes.all(|axis| !self.element.moves(axis)),
             }
+    }
+
+    /// Whether the tool turns with its centre point at rest.
+    fn is_turn(&self) -> bool {
+        matches!(&self.element.curve, Curve::FiveAxis(five_axis) if five_axis.tip().rests())
     }
 
     /// Whether the tool centre point is guided.
@@ -431,9 +437,11 @@ impl<T: Carried> Entry<T> {
         let most_cut_mm = (CORNER_SHARE * self.full_length_mm.min(next.full_length_mm)).min(self.element.length);
         let carried = self.carried.at_corner(&next.carried)?;
         let limits_mm = [tolerance_mm, most_cut_mm];
-        let (elements, rounding) = self.rounded(next, limits_mm, joining)?;
+        let (elements, used) = self.rounded(next, limits_mm, joining)?;
         // Where the path does not rest without the curve, the curve never costs time.
-        let would_rest = matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
+        let would_rest = self.is_turn()
+            || next.is_turn()
+            || matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
         let is_open = would_rest && self.joint.way() != Way::Rounded;
         if self.joins && next.joins && is_open {
             let is_rounded = match self.corner_speed {
@@ -441,10 +449,10 @@ impl<T: Carried> Entry<T> {
                     let [before, curve, after] = &elements;
                     let blocks = [(before, self.full_length_mm), (after, next.full_length_mm)];
                     let command = carried.commanded_mm_per_s(curve, joining.machine);
-                    Corner { curve, blocks, cut_mm: rounding.cut_mm, command }.is_rounded(joining.machine)
+                    Corner { curve, blocks, cut_mm: used.cut_mm, command }.is_rounded(joining.machine)
                 }
                 CornerSpeed::Changing => {
-                    let (curve, cut) = ((&elements, &carried), (rounding.cut_mm, joining.machine));
+                    let (curve, cut) = ((&elements, &carried), (used.cut_mm, joining.machine));
                     corners.is_rounded([self, next], limits_mm, curve, cut)
                 }
             };
@@ -455,11 +463,12 @@ impl<T: Carried> Entry<T> {
         }
         let [before, element, after] = elements;
         self.element = before;
-        next.merged = next.merged.behind(rounding.cut_mm, after.length);
+        next.merged = next.merged.behind(used.cut_mm[1], after.length);
         next.element = after;
         next.start_is_cut = true;
-        let fills_blocks = rounding.cut_mm >= ALMOST * most_cut_mm;
-        Some(Smoothed::corner(element, carried, merged_mm + rounding.deviation_mm, fills_blocks))
+        // Beside a turn no larger tolerance of the path makes it longer.
+        let fills_blocks = used.cut_mm[0] >= ALMOST * most_cut_mm || self.is_turn() || next.is_turn();
+        Some(Smoothed::corner(element, carried, merged_mm + used.deviation_mm, fills_blocks))
     }
 
     /// This element and the next one cut back, with the curve between them, within a tolerance and with no more cut than this, mm.
@@ -468,10 +477,16 @@ impl<T: Carried> Entry<T> {
         next: &Self,
         [tolerance_mm, most_cut_mm]: [f64; 2],
         joining: Joining<'_>,
-    ) -> Option<([Element; 3], Rounding)> {
+    ) -> Option<([Element; 3], Used)> {
         let [before, after] = [&self.element, &next.element];
         if self.is_guided() || next.is_guided() {
             let corners = joining.corners?;
+            if self.is_turn() || next.is_turn() {
+                let entries = [self, next];
+                let most_cut = entries.map(|it| (CORNER_SHARE * it.full_length_mm).min(it.element.length));
+                let commands = entries.map(|it| it.carried.commanded_mm_per_s(&it.element, joining.machine));
+                return guided::ease(&corners, [before, after], [most_cut, commands], joining.machine);
+            }
             let shape = guided::shape([before, after], self.joint.kink()?, self.corner_speed);
             return guided::round(&corners, [before, after], [tolerance_mm, most_cut_mm], shape);
         }
@@ -485,7 +500,7 @@ impl<T: Carried> Entry<T> {
         let spline = Spline::from_polynomial_spans(&[rounding.curve(&before, &after)])?;
         let source = after.source;
         let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
-        Some(([before, element, after], rounding))
+        Some(([before, element, after], rounding.used()))
     }
 
     /// The larger deviation that merging has used, of two elements, mm.

@@ -24,8 +24,8 @@ pub(super) struct Corner<'a> {
     pub(super) curve: &'a Element,
     /// The blocks before and behind it, cut back for it, and their lengths as programmed, mm.
     pub(super) blocks: [(&'a Element, f64); 2],
-    /// What is cut from either of them, mm.
-    pub(super) cut_mm: f64,
+    /// What is cut from each of them, mm.
+    pub(super) cut_mm: [f64; 2],
     /// Commanded speed, mm/s.
     pub(super) command: f64,
 }
@@ -50,12 +50,11 @@ impl Corner<'_> {
     fn stops(&self, machine: &Machine) -> Option<([f64; 2], f64)> {
         let mut overlap_s = f64::INFINITY;
         let mut times_s = [0.0; 2];
-        for ((element, _), time_s) in self.blocks.iter().zip(&mut times_s) {
+        for (((element, _), cut_mm), time_s) in self.blocks.iter().zip(self.cut_mm).zip(&mut times_s) {
             let own = path_limits(element, machine, PathMotion::ZERO).ok()?;
             let limits = PathLimits { velocity: own.velocity.min(self.command), ..own };
-            *time_s = Profile::solve(element.length + self.cut_mm, 0.0, 0.0, limits)?.duration();
-            let starting_s =
-                (6.0 * self.cut_mm / limits.jerk).cbrt().max((2.0 * self.cut_mm / limits.acceleration).sqrt());
+            *time_s = Profile::solve(element.length + cut_mm, 0.0, 0.0, limits)?.duration();
+            let starting_s = (6.0 * cut_mm / limits.jerk).cbrt().max((2.0 * cut_mm / limits.acceleration).sqrt());
             overlap_s = overlap_s.min(starting_s);
         }
         Some((times_s, overlap_s))
@@ -69,12 +68,12 @@ impl Corner<'_> {
         };
         let speed = limits(self.curve)?.velocity;
         let mut times_s = [self.curve.length / speed, 0.0];
-        for (element, length) in self.blocks {
+        for ((element, length), cut_mm) in self.blocks.into_iter().zip(self.cut_mm) {
             let limits = limits(element)?;
             let half_s = |length: f64, speed: f64| {
                 Profile::solve(length, speed, speed, limits).map_or(0.0, |profile| 0.5 * profile.duration())
             };
-            times_s[0] += half_s(length - 2.0 * self.cut_mm, speed.min(limits.velocity));
+            times_s[0] += half_s(length - 2.0 * cut_mm, speed.min(limits.velocity));
             times_s[1] += half_s(length, 0.0);
         }
         Ok(times_s)
@@ -123,7 +122,7 @@ fn is_stopped(
     let [first, last] = [lines[0].part(0.0, length - cut_mm)?, lines[1].part(cut_mm, length)?];
     let spline = Spline::from_polynomial_spans(&[rounding.curve(&first, &last)])?;
     let curve = Element::from_spline(first.end, last.start, spline, last.work_offset, last.source, false)?;
-    let corner = Corner { curve: &curve, blocks: [(&first, length), (&last, length)], cut_mm, command };
+    let corner = Corner { curve: &curve, blocks: [(&first, length), (&last, length)], cut_mm: [cut_mm; 2], command };
     Some(!corner.is_rounded(machine))
 }
 

@@ -4,11 +4,15 @@
 //! At a corner between two blocks, the rotary axes are Bézier curves of the parameter of the tool centre point's curve, with their angles, and the velocities and
 //! accelerations of both blocks by its arc length at the ends: every machine axis passes both ends of the corner with a continuous
 //! second derivative, as the linear axes are smooth functions of both.
+//!
+//! Where the tip rests on one side of the corner while the tool turns, the turn begins while the tip comes to rest on its line, or ends
+//! while the tip leaves: the tip stays on the line, and the direction is off by no more than what the corner has of the turn.
 
 use feedwave_program::Position;
 
-use super::fit::{RotaryPath, fit};
+use super::fit::{EasedPart, RotaryPath, fit};
 use crate::kinematics::chain::{Kinematics, Setup};
+use crate::kinematics::ease::{Ease, Easing};
 use crate::kinematics::tip::TipPath;
 use crate::kinematics::vector::{Vec3, angle};
 use crate::{Curve, Element, Spline};
@@ -113,6 +117,41 @@ impl FiveAxisCorners<'_> {
             curve.check_range(axis, range).ok()?;
         }
         let (work_offset, source) = (Position::default(), programmed.source);
+        let curve = Curve::FiveAxis(Box::new(curve));
+        Some(Element { start, end, work_offset, curve, length, source, rapid: false })
+    }
+}
+
+impl FiveAxisCorners<'_> {
+    /// The element at the corner between a block on whose line the tool centre point goes and one in which it rests while the tool turns, or
+    /// the other way round, in place of the end of one block and the beginning of the other, mm or degrees; each within one piece. `None`
+    /// of other blocks, and where the axes cannot follow.
+    pub(crate) fn eased(&self, [before, after]: [&Element; 2], easing: Easing) -> Option<Element> {
+        let (Curve::FiveAxis(from), Curve::FiveAxis(to)) = (&before.curve, &after.curve) else { return None };
+        let Easing { ends, begins } = easing;
+        let from_place = before.length - ends;
+        let (tip, ease) = match [from.tip(), to.tip()] {
+            [line, turn] if line.is_line() && turn.rests() => {
+                ([line.at(from_place / before.length), line.ends()[1]], Ease::Ends)
+            }
+            [turn, line] if line.is_line() && turn.rests() => {
+                ([line.ends()[0], line.at(begins / after.length)], Ease::Begins)
+            }
+            _ => return None,
+        };
+        let (start, end) = (before.position(from_place), after.position(begins));
+        let parts = [
+            EasedPart { block: from, span: [from_place, before.length], ease: Ease::Ends },
+            EasedPart { block: to, span: [0.0, begins], ease: Ease::Begins },
+        ];
+        let path = RotaryPath::Eased(self.rotary(&before.end), parts, easing);
+        let (tip, length) = (TipPath::Eased(tip, ease, easing), easing.length());
+        let curve = fit(self.kinematics, from.setup(), &start, &path, tip, length).ok()?;
+        curve.check_start(&start).ok()?;
+        for (axis, range) in self.kinematics.ranges() {
+            curve.check_range(axis, range).ok()?;
+        }
+        let (work_offset, source) = (Position::default(), after.source);
         let curve = Curve::FiveAxis(Box::new(curve));
         Some(Element { start, end, work_offset, curve, length, source, rapid: false })
     }

@@ -13,6 +13,7 @@ use super::turning::Turning;
 use crate::Spline;
 use crate::element::{COEFFICIENTS, FiveAxis, FiveAxisPiece};
 use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
+use crate::kinematics::ease::{Ease, Easing};
 use crate::kinematics::range::nearest_turn;
 use crate::kinematics::tip::TipPath;
 use crate::kinematics::vector::{Vec3, add_scaled, sub};
@@ -37,6 +38,58 @@ pub(in crate::kinematics) enum RotaryPath<'a> {
     GreatCircle(&'a Turning),
     /// As the first two coordinates along the arc length, rad, on the stretches of the tool centre point's curve.
     Along(&'a Spline),
+    /// As two parts of blocks turn them together, of which one ends while the other begins, with the values between both, rad.
+    Eased([f64; 2], [EasedPart<'a>; 2], Easing),
+}
+
+/// The part of a block that comes to rest or starts from rest.
+#[derive(Clone, Copy)]
+pub(in crate::kinematics) struct EasedPart<'a> {
+    pub(super) block: &'a FiveAxis,
+    /// Where it begins and ends, within one piece.
+    pub(super) span: [f64; 2],
+    pub(super) ease: Ease,
+}
+
+impl EasedPart<'_> {
+    /// How far both rotary axes are from where they are at the end that the part rests at, rad.
+    fn turned<const N: usize>(&self, easing: &Easing, share: f64, half: f64) -> [Series<N>; 2] {
+        let [from, to] = self.span;
+        let (middle, half_length, rotary) = self.block.rotary_about(0.5 * (from + to));
+        let place = eased(easing, self.ease, share, half).scaled(to - from).plus(from - middle);
+        let t = place.scaled(1.0 / half_length);
+        let resting = match self.ease {
+            Ease::Ends => to,
+            Ease::Begins => from,
+        };
+        let resting = (resting - middle) / half_length;
+        rotary.map(|coefficients| {
+            let at = coefficients.iter().rev().fold(Series::ZERO, |sum: Series<N>, value| (sum * t).plus(*value));
+            let resting = coefficients.iter().rev().fold(0.0, |sum, value| sum * resting + value);
+            at.plus(-resting).scaled(core::f64::consts::PI / 180.0)
+        })
+    }
+}
+
+/// Steps of Newton's method, each of which doubles the terms that are right.
+const SERIES_STEPS: u32 = usize::BITS - (COEFFICIENTS - 1).leading_zeros();
+
+/// The part that one of two motions has done about a share of their element.
+fn eased<const N: usize>(easing: &Easing, ease: Ease, share: f64, half: f64) -> Series<N> {
+    let done = Series::<N>::linear(share, half).scaled(easing.length());
+    let mut x = Series::constant(easing.parameter(done.0[0]));
+    for _ in 0..SERIES_STEPS {
+        let [left, square] = [(-x).plus(1.0), x * x];
+        let slope = (left * left).scaled(3.0 * easing.ends) + square.scaled(3.0 * easing.begins);
+        // What ends has done as what it has left.
+        let missing = done + (left * left * left).scaled(easing.ends) - (square * x).scaled(easing.begins);
+        x = x + missing.plus(-easing.ends).divided_by(slope);
+    }
+    let left = (-x).plus(1.0);
+    match ease {
+        Ease::Ends => (-(left * left * left)).plus(1.0),
+        Ease::Begins => x * x * x,
+    }
 }
 
 impl RotaryPath<'_> {
@@ -50,6 +103,10 @@ impl RotaryPath<'_> {
             Self::Along(turns) => {
                 let about = turns.about(share * turns.length_mm(), half * turns.length_mm());
                 Ok([0, 1].map(|axis| Series(core::array::from_fn(|k| about[axis].get(k).copied().unwrap_or_default()))))
+            }
+            Self::Eased(at_rad, parts, easing) => {
+                let [first, second] = parts.map(|part| part.turned::<N>(easing, share, half));
+                Ok([0, 1].map(|axis| (first[axis] + second[axis]).plus(at_rad[axis])))
             }
         }
     }
@@ -90,7 +147,7 @@ pub(in crate::kinematics) fn fit(
             let within = PLACE_ROUNDING_OF_BEND..1.0 - PLACE_ROUNDING_OF_BEND;
             turning.bends().into_iter().filter(|bend| within.contains(bend)).collect()
         }
-        RotaryPath::Angles { .. } | RotaryPath::Along(_) => SmallVec::new(),
+        RotaryPath::Angles { .. } | RotaryPath::Along(_) | RotaryPath::Eased(..) => SmallVec::new(),
     };
     if let TipPath::Spline(curve) = &tip {
         bends.extend(curve.spline().meetings().map(|s| s / length));
@@ -138,6 +195,11 @@ impl Fit<'_> {
                 let middle_mm = add_scaled(*start, travel_mm, share);
                 let (middle, end) = (to_chain(middle_mm), to_chain(add_scaled(middle_mm, travel_mm, half)));
                 core::array::from_fn(|k| Series::linear(middle[k], end[k] - middle[k]))
+            }
+            TipPath::Eased([start, end], ease, easing) => {
+                let (start, travel) = (to_chain(*start), turn_in(sub(*end, *start)));
+                let share = eased::<N>(easing, *ease, share, half);
+                core::array::from_fn(|k| share.scaled(travel[k]).plus(start[k]))
             }
             TipPath::Arc(arc) => {
                 let (center, across, rise, [start_mm, end_mm], sweep_rad) = arc.parts();

@@ -88,7 +88,7 @@ impl<T: Carried> Entry<T> {
     pub(super) fn is_joinable(&self) -> bool {
         let is_own_kind = match self.element.curve {
             Curve::Line | Curve::Arc(_) => true,
-            Curve::FiveAxis(_) => self.is_smoothable(),
+            Curve::FiveAxis(_) => self.is_smoothable() && !self.is_turn(),
             Curve::Spline(_) => false,
         };
         self.joins && is_own_kind
