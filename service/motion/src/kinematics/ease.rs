@@ -122,11 +122,11 @@ mod tests {
                 assert!(speeds.iter().all(|speed| (0.0..=1.0 + 1e-12).contains(speed)), "{speeds:?}");
                 assert!((speeds[0] + speeds[1] - 1.0).abs() < 1e-12, "{speeds:?}");
             }
-            // With no second derivative where the other one rests.
+            // With no second derivative where the other one rests, which has done a/b·(1e-4)²/27 of the step there.
             let step = 1e-4 * ends.min(begins);
             let after = ends * easing.share(Ease::Ends, step / easing.length());
             let before = begins * (1.0 - easing.share(Ease::Begins, 1.0 - step / easing.length()));
-            assert!((after - step).abs() < 1e-7 * step && (before - step).abs() < 1e-7 * step, "{after} {before}");
+            assert!((after - step).abs() < 1e-6 * step && (before - step).abs() < 1e-6 * step, "{after} {before}");
         }
     }
 }
