@@ -8,7 +8,7 @@
 //! Where the tip rests on one side of the corner while the tool turns, the turn begins while the tip comes to rest on its line, or ends
 //! while the tip leaves: the tip stays on the line, and the direction is off by no more than what the corner has of the turn.
 
-use feedwave_program::Position;
+use feedwave_program::{Position, SourceSpan};
 
 use super::fit::{EasedPart, RotaryPath, fit};
 use crate::kinematics::chain::{Kinematics, Setup};
@@ -111,18 +111,27 @@ impl FiveAxisCorners<'_> {
         let [tip, turns] = Spline::with_others(tips, turns)?;
         let length = tip.length_mm();
         let tip = TipPath::spline(tip);
-        let curve = fit(self.kinematics, own.setup(), &start, &RotaryPath::Along(&turns), tip, length).ok()?;
+        self.fitted(own.setup(), [start, end], (tip, length), &RotaryPath::Along(&turns), programmed.source)
+    }
+
+    /// The element from one position to another on which the tool centre point and the rotary axes go so.
+    fn fitted(
+        &self,
+        setup: &Setup,
+        [start, end]: [Position; 2],
+        (tip, length): (TipPath, f64),
+        rotary: &RotaryPath<'_>,
+        source: SourceSpan,
+    ) -> Option<Element> {
+        let curve = fit(self.kinematics, setup, &start, rotary, tip, length).ok()?;
         curve.check_start(&start).ok()?;
         for (axis, range) in self.kinematics.ranges() {
             curve.check_range(axis, range).ok()?;
         }
-        let (work_offset, source) = (Position::default(), programmed.source);
-        let curve = Curve::FiveAxis(Box::new(curve));
+        let (work_offset, curve) = (Position::default(), Curve::FiveAxis(Box::new(curve)));
         Some(Element { start, end, work_offset, curve, length, source, rapid: false })
     }
-}
 
-impl FiveAxisCorners<'_> {
     /// The element at the corner between a block on whose line the tool centre point goes and one in which it rests while the tool turns, or
     /// the other way round, in place of the end of one block and the beginning of the other, mm or degrees; each within one piece. `None`
     /// of other blocks, and where the axes cannot follow.
@@ -146,14 +155,7 @@ impl FiveAxisCorners<'_> {
         ];
         let path = RotaryPath::Eased(self.rotary(&before.end), parts, easing);
         let (tip, length) = (TipPath::Eased(tip, ease, easing), easing.length());
-        let curve = fit(self.kinematics, from.setup(), &start, &path, tip, length).ok()?;
-        curve.check_start(&start).ok()?;
-        for (axis, range) in self.kinematics.ranges() {
-            curve.check_range(axis, range).ok()?;
-        }
-        let (work_offset, source) = (Position::default(), after.source);
-        let curve = Curve::FiveAxis(Box::new(curve));
-        Some(Element { start, end, work_offset, curve, length, source, rapid: false })
+        self.fitted(from.setup(), [start, end], (tip, length), &path, after.source)
     }
 }
 
