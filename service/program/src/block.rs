@@ -90,6 +90,8 @@ pub(crate) enum Rest {
     OWord(u32),
     /// The arguments of a macro call, for every block that moves where it is modal.
     Arguments { at: u32, modal: bool },
+    /// The name of a program in `< >`, which begins here or is called; words may follow.
+    Name(u32),
 }
 
 /// The words of one line. Storage is fixed and reused: masks say which slots hold words of the present line.
@@ -226,7 +228,7 @@ impl Block {
                     }
                 }
                 self.add_word(token, table, findings);
-                if self.rest.is_some() || self.has_failed {
+                if self.has_no_more_words() {
                     return;
                 }
                 continue;
@@ -237,9 +239,12 @@ impl Block {
             let Some(token) = tokens.next() else { break };
             match token.kind {
                 TokenKind::LoneLetter | TokenKind::Unexpected
-                    if !table.dialect.is_linuxcnc && Self::is_program_name(line, token) =>
+                    if !table.dialect.is_linuxcnc && self.is_program_name(line, token) =>
                 {
-                    return self.report_program_name(line, token, findings);
+                    let Some(end) = self.read_program_name(line, token, table, system) else {
+                        return self.report_program_name(line, token, findings);
+                    };
+                    tokens = Lexer::from(line, end);
                 }
                 TokenKind::Unexpected if table.dialect.is_linuxcnc && line[token.start as usize] == b'$' => {
                     let end = self.read_spindle_number(line, token, table, system, findings);
@@ -299,7 +304,7 @@ impl Block {
                         return;
                     }
                 }
-                TokenKind::Output if table.dialect.expressions.has_output => {
+                TokenKind::Output if table.expressions.has_output => {
                     self.note_output(token.start, token.end, findings);
                 }
                 // LinuxCNC knows it before the line number only.
@@ -393,6 +398,11 @@ impl Block {
     #[inline]
     pub(crate) const fn needs_assigning(&self) -> bool {
         self.comment.1 != 0 || self.has_failed || !self.assignments.is_empty()
+    }
+
+    /// Whether what is left of the line is not read as words.
+    const fn has_no_more_words(&self) -> bool {
+        self.has_failed || !matches!(self.rest, None | Some(Rest::Name(_)))
     }
 
     /// Whether no word was read but a line number.

@@ -15,7 +15,7 @@ mod tests;
 pub(crate) use extent::{operation_end, starts_value, value_end};
 pub(crate) use function::{nearest, nearest_increment};
 pub(crate) use name::Name;
-pub(crate) use rules::{FANUC, LINUXCNC, Rules};
+pub(crate) use rules::{FANUC, HAAS, LINUXCNC, Rules};
 
 use std::borrow::Cow;
 
@@ -171,18 +171,13 @@ pub(crate) fn evaluate(line: &[u8], at: usize, context: &mut Context<'_>) -> Res
     Ok((value, parser.at()))
 }
 
-/// Reads the condition in brackets that starts at `at`, and says where it ends. With `takes_numbers` every value but 0 is true.
-pub(crate) fn condition(
-    line: &[u8],
-    at: usize,
-    takes_numbers: bool,
-    context: &mut Context<'_>,
-) -> Result<(bool, usize), Box<Defect>> {
+/// Reads the condition in brackets that starts at `at`, and says where it ends.
+pub(crate) fn condition(line: &[u8], at: usize, context: &mut Context<'_>) -> Result<(bool, usize), Box<Defect>> {
     let mut parser = Parser::new(line, at, context);
     let operand = parser.bracketed()?;
     let holds = match operand {
         Operand::Truth(holds) => holds,
-        Operand::Number(value) if takes_numbers || !parser.rules().has_truth_values => value != 0.0,
+        Operand::Number(value) if parser.rules().truths_are_numbers => value != 0.0,
         Operand::Number(_) | Operand::Vacant => {
             return Err(Defect::new(
                 code::EXPRESSION_TRUTH,

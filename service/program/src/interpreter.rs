@@ -43,12 +43,12 @@ use crate::foreign;
 use crate::state::Phase;
 use crate::{
     Compensator, Finding, FindingLog, Function, InterpreterState, LanguageSettings, Operation, OperationKind, Place,
-    SourceSpan, ToolOffset,
+    ProgramName, SourceSpan, ToolOffset,
 };
 
 use corner::Corner;
 use execute::Execution;
-use flow::{CallTarget, Index, Indexer, Mark};
+use flow::{CallTarget, FlowLine, Index, Indexer, Mark};
 pub(crate) use flow::{FlowState, Statement, called_program, classify, digits, is_conditional_return, name};
 pub(crate) use lines::find_line_end;
 use straight::Straight;
@@ -114,6 +114,8 @@ pub struct Interpreter {
     block: Block,
     /// Corners behind operations of the present block, by the places of these; empty between lines.
     corners: Vec<(usize, Corner)>,
+    /// The program that the present block calls by its name.
+    called_name: Option<ProgramName>,
 }
 
 /// A UTF-8 byte order mark.
@@ -145,6 +147,7 @@ impl Interpreter {
             straight: Straight::default(),
             block: Block::default(),
             corners: Vec::new(),
+            called_name: None,
         };
         interpreter.resume_pending();
         interpreter
@@ -292,10 +295,7 @@ impl Interpreter {
         if !self.state.coords.tables.assigned.is_empty() && !self.apply_assigned(operations, findings) {
             return;
         }
-        let system =
-            System { state: &self.state, settings: &self.settings, dialect: self.table.dialect, tools: &self.tools };
-        let place = (self.state.place.program, number);
-        self.block.parse(line, place, &self.table, self.settings.block_delete, system, findings, &mark);
+        self.parse_block(line, &mark, findings);
         if self.moves_straight(&mark, operations, findings) {
             return;
         }
@@ -322,19 +322,42 @@ impl Interpreter {
         if self.state.skipping_data.is_some() {
             return self.skip_data(operations, findings);
         }
+        self.execute_line(line, &mark, operations, findings);
+    }
+
+    /// Reads the words of the present line.
+    #[inline]
+    fn parse_block(&mut self, line: &[u8], mark: &FindingMark, findings: &mut FindingLog) {
+        let system =
+            System { state: &self.state, settings: &self.settings, dialect: self.table.dialect, tools: &self.tools };
+        let place = (self.state.place.program, self.state.lines);
+        self.block.parse(line, place, &self.table, self.settings.block_delete, system, findings, mark);
+    }
+
+    /// Executes the block that was read from a line.
+    #[inline]
+    fn execute_line(
+        &mut self,
+        line: &[u8],
+        mark: &FindingMark,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) {
         if self.block.needs_assigning() && self.assign(line, operations, findings) {
             return;
         }
         if self.block.rest.is_some() || self.block.word(b'O').is_some() {
-            if self.flow_line(line, operations, findings) {
-                return;
+            match self.flow_line(line, operations, findings) {
+                FlowLine::Done => return,
+                FlowLine::Words => {}
+                FlowLine::Block(from) => return self.block_behind_condition(line, from, operations, findings),
             }
         } else if self.block.is_empty() {
             self.state.unread |= self.block.unread;
             self.forget_unread_feed();
             return;
         }
-        self.execute(&mark, operations, findings);
+        self.execute(mark, operations, findings);
     }
 
     /// Lets the execution of the present block do something.

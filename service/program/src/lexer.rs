@@ -77,7 +77,7 @@ pub enum TokenKind {
 pub(crate) const REMOVED: u8 = b'\n';
 
 /// Words that begin a statement of Macro B.
-const MACRO_WORDS: [&[u8]; 7] = [b"GOTO", b"IF", b"THEN", b"ELSE", b"WHILE", b"DO", b"END"];
+const MACRO_WORDS: [&[u8]; 8] = [b"GOTO", b"IF", b"THEN", b"ELSE", b"WHILE", b"WH", b"DO", b"END"];
 
 /// Words of the macro language that write to files and printers.
 const OUTPUT_WORDS: [&[u8]; 4] = [b"DPRNT", b"BPRNT", b"POPEN", b"PCLOS"];

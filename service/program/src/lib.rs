@@ -27,6 +27,7 @@ mod operation;
 mod outline;
 mod parameters;
 mod path_move;
+mod program_name;
 mod reader;
 mod settings;
 mod source;
@@ -56,6 +57,7 @@ pub use operation::{
 };
 pub use outline::{Outline, Stretch, StretchKind, Target, Vocabulary, WordRole, is_file_of_program};
 pub use parameters::InitialParameters;
+pub use program_name::ProgramName;
 pub use reader::{Reader, Reading};
 pub use settings::{
     AngleRange, BoringShift, CompensationSettings, CoordinateSettings, CoordinateStyle, DecimalPointRule, DialectName,

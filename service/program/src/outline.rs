@@ -4,10 +4,10 @@
 use self::framing::Framing;
 use crate::dialect::{CodeTable, Flow, Letter, Meaning};
 use crate::interpreter::{Statement, called_program, classify, digits, find_line_end, name};
-use crate::lexer::{Lexer, Token, TokenKind};
+use crate::lexer::{Lexer, Token, TokenKind, behind_blanks};
 use crate::number::Number;
 use crate::state::TurningCycle;
-use crate::{Function, LanguageSettings, SourceSpan};
+use crate::{Function, LanguageSettings, ProgramName, SourceSpan};
 
 mod framing;
 #[cfg(test)]
@@ -21,7 +21,7 @@ const MAX_ENTRIES: usize = 1 << 18;
 pub struct Stretch {
     /// What it is.
     pub kind: StretchKind,
-    /// As it is written: `O1000`, `o<rect> sub`, `WHILE DO1`; the comment or the function's name of others.
+    /// As it is written: `O1000`, `<SHAFT>`, `o<rect> sub`, `WHILE DO1`; the comment or the function's name of others.
     pub name: String,
     /// The first line, counted from 1.
     pub first_line: u32,
@@ -32,7 +32,7 @@ pub struct Stretch {
 /// What a [`Stretch`] is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StretchKind {
-    /// A program by its number, up to the next one.
+    /// A program by its number or name, up to the next one.
     Program,
     /// `o… sub` to `endsub`.
     Subprogram,
@@ -47,10 +47,10 @@ pub enum StretchKind {
 /// What a call or a jump names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// A program by its number, and a label in it.
+    /// A program, and a label in it.
     Program {
-        /// `O`
-        number: u32,
+        /// `O1000`, `<SHAFT>`
+        name: ProgramName,
         /// `N`
         label: Option<u32>,
     },
@@ -67,8 +67,8 @@ pub struct Outline {
     pub stretches: Vec<Stretch>,
     /// `N` with its line, in the order of the lines.
     labels: Vec<(u32, u32)>,
-    /// Programs by number, with their first lines.
-    programs: Vec<(u32, u32)>,
+    /// Programs with their first lines.
+    programs: Vec<(ProgramName, u32)>,
     /// Subprograms by name, with their lines.
     subprograms: Vec<(String, u32)>,
     /// How the file begins and ends.
@@ -78,9 +78,9 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// The numbers of its programs, in their order.
-    pub fn program_numbers(&self) -> impl Iterator<Item = u32> {
-        self.programs.iter().map(|(number, _)| *number)
+    /// What its programs are called by, in their order.
+    pub fn program_names(&self) -> impl Iterator<Item = &ProgramName> {
+        self.programs.iter().map(|(name, _)| name)
     }
 
     /// The names of its subprograms in the O-word language, as they are written, in their order.
@@ -108,17 +108,21 @@ impl Outline {
     /// The lines, counted from 1, that a target named on `line` means: none, one, or several where it is not unique.
     #[must_use]
     pub fn find(&self, target: &Target, line: u32) -> Vec<u32> {
-        let starts = |wanted: u32| self.programs.iter().filter(move |(number, _)| *number == wanted);
         match target {
             Target::Label(label) => self.labels_near(*label, line),
-            Target::Program { number, label: None } => starts(*number).map(|(_, line)| *line).collect(),
-            Target::Program { number, label: Some(label) } => {
-                starts(*number).flat_map(|(_, line)| self.labels_near(*label, *line)).collect()
+            Target::Program { name, label: None } => self.starts_of(name).collect(),
+            Target::Program { name, label: Some(label) } => {
+                self.starts_of(name).flat_map(|line| self.labels_near(*label, line)).collect()
             }
             Target::Subprogram(name) => {
                 self.subprograms.iter().filter(|(known, _)| known == name).map(|(_, line)| *line).collect()
             }
         }
+    }
+
+    /// The first lines of the programs of this name.
+    fn starts_of<'a>(&'a self, wanted: &'a ProgramName) -> impl Iterator<Item = u32> + 'a {
+        self.programs.iter().filter(move |(name, _)| name == wanted).map(|(_, line)| *line)
     }
 
     /// Labels within the program that holds `line`.
@@ -168,10 +172,10 @@ impl OutlineReading {
         if let Some(label) = found.label.filter(|_| room(self.outline.labels.len())) {
             self.outline.labels.push((label, line));
         }
-        if let Some(number) = found.program.filter(|_| room(self.outline.programs.len())) {
+        if let Some(name) = found.program.filter(|_| room(self.outline.programs.len())) {
             self.end_program(line - 1);
-            self.outline.programs.push((number, line));
-            self.begin(StretchKind::Program, format!("O{number}"), line);
+            self.begin(StretchKind::Program, name.to_string(), line);
+            self.outline.programs.push((name, line));
         }
         let frames = matches!(found.statement, Some((Statement::Sub | Statement::EndSub, _)));
         if let Some((what, name)) = found.statement {
@@ -432,12 +436,12 @@ impl Vocabulary {
         }
         let block = Block::of(line);
         for code in block.codes() {
-            self.targets_of(code, &block, &mut targets);
+            self.targets_of(code, &block, line, &mut targets);
         }
         targets
     }
 
-    fn targets_of(&self, code: &Token, block: &Block, targets: &mut Vec<(SourceSpan, Target)>) {
+    fn targets_of(&self, code: &Token, block: &Block, line: &[u8], targets: &mut Vec<(SourceSpan, Target)>) {
         let place = |token: &Token| span(token.start as usize, token.end as usize);
         let mut add = |letter: u8, target: &dyn Fn(u32) -> Target| {
             if let Some((number, token)) = block.whole(letter) {
@@ -450,22 +454,28 @@ impl Vocabulary {
                 let token = |&(letter, number): &(u8, Number)| Token { letter, number, ..*code };
                 let within = Block { words: words.map(token).collect() };
                 let calls = within.codes().filter(|code| !matches!(self.meaning(code), Some(Meaning::Replaced(_))));
-                calls.for_each(|call| self.targets_of(call, &within, targets));
+                calls.for_each(|call| self.targets_of(call, &within, &[], targets));
             }
             Some(Meaning::LocalCall) => add(b'P', &Target::Label),
-            Some(Meaning::MacroCall { .. }) => add(b'P', &|number| Target::Program { number, label: None }),
+            Some(Meaning::MacroCall { .. }) => match called_name(line, code.end as usize) {
+                Some((span, name)) => targets.push((span, Target::Program { name, label: None })),
+                None => {
+                    add(b'P', &|number| Target::Program { name: ProgramName::Number(number), label: None });
+                }
+            },
             Some(Meaning::Call) => {
                 let label = block.whole(b'Q').map(|(label, _)| label);
+                if let Some((span, name)) = called_name(line, code.end as usize) {
+                    return targets.push((span, Target::Program { name, label }));
+                }
                 let digits = block.word(b'P').map_or(0, |word| word.number.integer_digits());
                 if block.word(b'P').is_none() {
                     add(b'Q', &Target::Label);
                 }
                 add(b'P', &|written| {
                     let has_l = block.word(b'L').is_some();
-                    Target::Program {
-                        number: called_program(&self.table, &self.settings, written, digits, has_l).0,
-                        label,
-                    }
+                    let (number, _) = called_program(&self.table, &self.settings, written, digits, has_l);
+                    Target::Program { name: ProgramName::Number(number), label }
                 });
             }
             Some(Meaning::Turning(
@@ -486,6 +496,13 @@ const fn span(start: usize, end: usize) -> SourceSpan {
     SourceSpan { program: 0, line: 0, column: start as u32 + 1, length: (end - start) as u32 }
 }
 
+/// The name in `< >` that a call has directly behind its code.
+fn called_name(line: &[u8], at: usize) -> Option<(SourceSpan, ProgramName)> {
+    let start = behind_blanks(line, at);
+    let (name, length) = ProgramName::read(line.get(start..)?)?;
+    Some((span(start, start + length), name))
+}
+
 /// `GOTO n` in a statement.
 fn go_to(line: &[u8], from: usize) -> Option<(SourceSpan, Target)> {
     const WORD: &[u8] = b"GOTO";
@@ -494,12 +511,13 @@ fn go_to(line: &[u8], from: usize) -> Option<(SourceSpan, Target)> {
     Some((span(start, end), Target::Label(number)))
 }
 
-/// Whether a further file is named after a program: `O1000.nc`, `1000`, `rect.ngc`, in any folder and case. `name` is its
+/// Whether a further file is named after a program: `O1000.nc`, `1000`, `rect.ngc`, `SHAFT-2.A`, in any folder and case. `name` is its
 /// number, or its name in lower case.
 #[must_use]
 pub fn is_file_of_program(path: &str, name: &str) -> bool {
     let file_name = path.rsplit(['/', '\\']).next().unwrap_or(path).to_ascii_lowercase();
     let stem = file_name.split('.').next().unwrap_or_default();
     let number = stem.strip_prefix('o').unwrap_or(stem).trim_start_matches('0');
-    stem == name || number == name
+    let is_number = name.bytes().all(|byte| byte.is_ascii_digit());
+    file_name == name || stem == name || is_number && number == name
 }

@@ -45,12 +45,12 @@ pub(super) fn keep_called(source: &mut Source) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The names that a program calls others by: their numbers, and names without their brackets.
+/// The names that a program calls others by, as files are named after them: numbers, and names without their brackets.
 fn calls(text: &[u8], vocabularies: &[Vocabulary]) -> BTreeSet<String> {
     let lines = text.split(|byte| matches!(byte, b'\n' | b'\r'));
     let targets = lines.flat_map(|line| vocabularies.iter().flat_map(move |it| it.targets(line)));
     let named = targets.filter_map(|(_, target)| match target {
-        Target::Program { number, .. } => Some(number.to_string()),
+        Target::Program { name, .. } => Some(name.file_stem()),
         Target::Subprogram(name) => Some(name.trim_matches(['<', '>']).to_owned()),
         Target::Label(_) => None,
     });

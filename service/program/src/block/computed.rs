@@ -89,9 +89,9 @@ impl Block {
         }
         // Taken out while the values read what was assigned before.
         let made = core::mem::take(&mut self.assignments);
-        let in_sequence = table.dialect.expressions.assigns_in_sequence;
+        let in_sequence = table.expressions.assigns_in_sequence;
         let pending = Pending { system, made: if in_sequence { &made } else { &[] } };
-        let mut context = Context::new(table.dialect.expressions, &pending, system.settings.angle_range);
+        let mut context = Context::new(table.expressions, &pending, system.settings.angle_range);
         if token.kind == TokenKind::Assignment {
             let result = assignment(line, token.start as usize, &mut context).and_then(|made| {
                 nothing_between(line, made.end, token.end as usize, "put expressions in brackets: #1=[#2+3]")
@@ -188,12 +188,13 @@ impl Block {
 
     /// Whether assignments and words share the line of a dialect that takes them in blocks of their own.
     pub(super) fn check_assignments(&mut self, table: &CodeTable, findings: &mut FindingLog) {
-        if !table.dialect.expressions.assigns_in_sequence {
+        if !table.expressions.assigns_in_sequence {
             return;
         }
         let label = 1 << (b'N' - b'A');
+        let has_codes = self.has_codes() && !table.expressions.assigns_beside_codes;
         if let Some(made) = self.assignments.first()
-            && (self.letters & !label != 0 || self.has_codes())
+            && (self.letters & !label != 0 || has_codes)
         {
             let (start, end) = (made.assignment.start, made.assignment.end);
             let defect =

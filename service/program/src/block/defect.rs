@@ -1,11 +1,12 @@
 //! What is wrong with a word or with what is between words: errors that leave the block unclear.
 
-use super::{Block, LARGEST_LABEL, LARGEST_NUMBER};
+use super::{Block, LARGEST_LABEL, LARGEST_NUMBER, Rest};
 use crate::code;
-use crate::dialect::{CodeTable, Group, letter_bit};
+use crate::dialect::{CodeTable, Group, Meaning, letter_bit};
+use crate::interpreter::System;
 use crate::lexer::{Lexer, REMOVED, Token, TokenKind};
 use crate::lookalike::Stretch;
-use crate::{Finding, FindingCode, FindingLog, GCodeSystem};
+use crate::{Finding, FindingCode, FindingLog, GCodeSystem, ProgramName};
 
 /// Most bytes of a name of a program in `< >`, and of a call with the spaces behind it.
 const LONGEST_NAME: usize = 40;
@@ -151,8 +152,8 @@ impl Block {
         });
     }
 
-    /// Whether a token begins the name of a program in `< >`, behind `O` or in a call.
-    pub(super) fn is_program_name(line: &[u8], token: Token) -> bool {
+    /// Whether a token begins the name of a program in `< >`, or what is meant as one: first in its line, behind `O`, or in a call.
+    pub(super) fn is_program_name(&self, line: &[u8], token: Token) -> bool {
         let is_letter = token.kind == TokenKind::LoneLetter;
         let opens = if is_letter { token.end } else { token.start } as usize;
         let name = line.get(opens..).unwrap_or_default();
@@ -161,7 +162,34 @@ impl Block {
             return false;
         }
         let before = line[opens.saturating_sub(LONGEST_CALL)..opens].trim_ascii_end();
-        if is_letter { matches!(token.letter, b'O' | b'P') } else { before.ends_with(b"98") }
+        match is_letter {
+            true => matches!(token.letter, b'O' | b'P'),
+            false => self.is_at_start() || before.ends_with(b"98") || ProgramName::read(name).is_some(),
+        }
+    }
+
+    /// Takes the name of a program that begins here or is called by `M98`, and says where it ends; nothing where the control has no names,
+    /// or this is none.
+    #[cold]
+    pub(super) fn read_program_name(
+        &mut self,
+        line: &[u8],
+        token: Token,
+        table: &CodeTable,
+        system: System<'_>,
+    ) -> Option<usize> {
+        let begins = self.is_at_start() && token.letter != b'P';
+        let calls = self.code(Group::Subprogram).is_some_and(|code| table.code(code.place).meaning == Meaning::Call);
+        let is_called = token.letter == 0 && calls;
+        if system.settings.is_haas() || self.rest.is_some() || !(begins || is_called) {
+            return None;
+        }
+        let opens = if token.letter == 0 { token.start } else { token.end };
+        let (_, length) = ProgramName::read(&line[opens as usize..])?;
+        let end = opens + length as u32;
+        self.extent = (self.extent.0.min(token.start), end);
+        self.rest = Some(Rest::Name(opens));
+        Some(end as usize)
     }
 
     /// A program or a call by name; the rest of the line is not read.
@@ -174,9 +202,10 @@ impl Block {
         let end = start + length.map_or(1, |length| length + 1);
         let token = Token { end: end as u32, ..token };
         self.defect(code::NUMBER_MISSING, token, findings, |mut finding| {
-            finding.message =
-                format!("{} is the name of a program, but programs have numbers here", quote(&line[start..end]));
-            finding.suggest("give the program a number, such as O1000, and call it by that, such as M98 P1000")
+            finding.message = format!("{} is no name of a program here", quote(&line[start..end]));
+            finding
+                .suggest("give the program a number, such as O1000, and call it by that, such as M98 P1000")
+                .suggest("on newer FANUC controls: 1 to 32 letters, digits and + - _ . in < >, first in the line or behind M98, G65 or G66")
         });
     }
 

@@ -29,7 +29,7 @@ impl Block {
                 }
                 let token = Token { kind: TokenKind::Word, letter, number, start: extent.0, end: extent.1 };
                 self.add_other_word(token, table, findings);
-                if self.rest.is_some() || self.has_failed {
+                if self.has_no_more_words() {
                     return line.len();
                 }
             }

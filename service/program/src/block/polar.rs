@@ -45,7 +45,7 @@ impl Block {
         if token.end == token.start + 1 {
             return self.refuse_polar(token, format!("{name} has no number"), "write its number behind it", findings);
         }
-        let mut context = Context::new(table.dialect.expressions, &system, system.settings.angle_range);
+        let mut context = Context::new(table.expressions, &system, system.settings.angle_range);
         let read = evaluate(line, token.start as usize + 1, &mut context).and_then(|(value, read_to)| {
             nothing_between(line, read_to, token.end as usize, "put expressions in brackets: @[#1+2]").map(|()| value)
         });

@@ -20,7 +20,7 @@ impl Block {
         findings: &mut FindingLog,
     ) -> usize {
         let start = token.start as usize;
-        let mut context = Context::new(table.dialect.expressions, &system, system.settings.angle_range);
+        let mut context = Context::new(table.expressions, &system, system.settings.angle_range);
         let read = evaluate(line, start + 1, &mut context);
         self.note(&context.notes, findings);
         let (value, end) = match read {

@@ -6,8 +6,8 @@ crate::finding_codes! {
 
     "PRG-STATEMENT" [STATEMENT: Error] {
         meaning: "a control statement that cannot be read, or that is not possible here",
-        cause: "A part of the statement is missing or too much, such as a number behind `GOTO`, an assignment behind `THEN`, or a move \
-              behind an O-word.",
+        cause: "A part of the statement is missing or too much, such as a number behind `GOTO`, an assignment (on Haas controls a block) \
+              behind `THEN`, or a move behind an O-word.",
         cure: "Write the statement as the control knows it, alone in its block.",
         example: mill("IF [1 EQ 1] G1 X5\nM30"),
     }

@@ -81,9 +81,10 @@ crate::finding_codes! {
     }
 
     "PRG-NUMBER-MISSING" [NUMBER_MISSING: Error] {
-        meaning: "an address letter without a number",
-        cause: "The number was forgotten, or is in front of its letter.",
-        cure: "Write the number behind its letter.",
+        meaning: "an address letter without a number, or a name that no program can have here",
+        cause: "The number was forgotten, or is in front of its letter. Names of programs in `< >` are those of FANUC controls: 1 to 32 letters, digits \
+              and `+ - _ .`, first in a line or behind `M98`, `G65` or `G66`.",
+        cure: "Write the number behind its letter, and call a program by its number or by such a name.",
         example: lathe("G0 X Z5"),
     }
 

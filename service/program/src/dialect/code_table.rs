@@ -9,7 +9,7 @@ use super::lathe::{haas_codes, system_codes};
 use super::tables::{HAAS_LATHE_M_CODES, HAAS_M_CODES, HAAS_MILL_M_CODES, code};
 use super::{Code, Dialect, Group, MachineRule, Meaning, letter_bit, machine_codes};
 use crate::code_replacement::Replacement;
-use crate::{DialectName, Function, FunctionCodes, LanguageSettings};
+use crate::{DialectName, Function, FunctionCodes, LanguageSettings, expression};
 
 /// Codes from this number of tenths on are unknown: controls call macros by codes up to 9999.
 const CODE_TENTHS: usize = 100_000;
@@ -24,6 +24,8 @@ const NO_CODE: u8 = u8::MAX;
 #[derive(Clone, Debug)]
 pub(crate) struct CodeTable {
     pub(crate) dialect: &'static Dialect,
+    /// How its expressions are read.
+    pub(crate) expressions: &'static expression::Rules,
     /// Mask of the letters that name an axis.
     pub(crate) axis_letters: u32,
     /// Those of them of linear axes.
@@ -54,6 +56,7 @@ impl CodeTable {
         let angles = if settings.plain_drawing_words { letter_bit(b'A') | letter_bit(b'C') } else { 0 };
         let mut table = Self {
             dialect,
+            expressions: if settings.is_haas() { &expression::HAAS } else { dialect.expressions },
             axis_letters: dialect.axis_letters() & !angles,
             linear_letters: dialect.linear_letters(),
             value_letters: dialect.value_letters(),

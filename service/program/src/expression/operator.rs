@@ -28,6 +28,11 @@ impl Operation {
         use Operation::{Equal, Greater, GreaterOrEqual, Less, LessOrEqual, NotEqual};
         matches!(self, Equal | NotEqual | Greater | GreaterOrEqual | Less | LessOrEqual)
     }
+
+    /// Whether it computes with numbers alone.
+    pub(super) const fn is_arithmetic(self) -> bool {
+        !self.compares() && !matches!(self, Self::And | Self::Or | Self::Xor)
+    }
 }
 
 /// An operator of a dialect.

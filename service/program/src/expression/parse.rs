@@ -123,12 +123,20 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
             .cure("compute a part of it before, in a parameter of its own"))
     }
 
-    /// The number or vacant value that an operand is; a truth value is neither.
+    /// The number or vacant value that an operand is.
     pub(super) fn number(&self, operand: Operand, start: usize) -> Result<Value> {
-        match operand {
+        match self.numbered(operand) {
             Operand::Vacant => Ok(None),
             Operand::Number(value) => Ok(Some(value)),
             Operand::Truth(_) => Err(truth(start, self.at)),
+        }
+    }
+
+    /// A truth value as the number that it is, where it is one.
+    fn numbered(&self, operand: Operand) -> Operand {
+        match operand {
+            Operand::Truth(holds) if self.rules().truths_are_numbers => Operand::Number(f64::from(u8::from(holds))),
+            operand => operand,
         }
     }
 
@@ -179,6 +187,11 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
         {
             self.context.notes.push(Note { kind: NoteKind::Equality, start, end });
         }
+        // Of these it is plain what is meant, whatever the precedence of a control.
+        let (left, right) = match operator.operation.is_arithmetic() {
+            true => (self.numbered(left), self.numbered(right)),
+            false => (left, right),
+        };
         match (self.rules().apply)(operator.operation, left, right) {
             Ok(Operand::Number(value)) if !value.is_finite() => Err(overflow(start, end)),
             Ok(result) => Ok(result),

@@ -13,6 +13,8 @@ pub(crate) struct Rules {
     pub(crate) max_depth: u32,
     /// Comparisons give truth values, which stand in conditions only; otherwise they give the numbers 1 and 0.
     pub(crate) has_truth_values: bool,
+    /// Truth values are the numbers 1 and 0 where numbers are needed, and every number but 0 is a true condition.
+    pub(super) truths_are_numbers: bool,
     /// Parameters may have names: `#<name>`.
     pub(crate) has_names: bool,
     /// A parameter may follow the `#` of another one without brackets: `##1`.
@@ -21,6 +23,8 @@ pub(crate) struct Rules {
     pub(crate) assigns_expressions: bool,
     /// Several assignments in a line see each other's values; otherwise all see those before the line.
     pub(crate) assigns_in_sequence: bool,
+    /// An assignment may share its line with codes that have no words: `#101=0 M99`.
+    pub(crate) assigns_beside_codes: bool,
     /// `ATAN[a]/[b]` and `ASIN` have the range of the control's parameters; otherwise -180 to 180 and -90 to 90.
     pub(crate) chooses_angle_range: bool,
     /// `DPRNT` and the like write to files and printers.
@@ -35,17 +39,24 @@ impl core::fmt::Debug for Rules {
     }
 }
 
-/// FANUC Macro B and Haas.
-pub(crate) static FANUC: Rules = Rules {
+/// FANUC Macro B.
+pub(crate) static FANUC: Rules = MACRO_B;
+
+/// Haas.
+pub(crate) static HAAS: Rules = Rules { truths_are_numbers: true, assigns_beside_codes: true, ..MACRO_B };
+
+const MACRO_B: Rules = Rules {
     operators: operator::FANUC,
     functions: function::FANUC,
     apply: operator::fanuc,
     max_depth: 5,
     has_truth_values: true,
+    truths_are_numbers: false,
     has_names: false,
     chains_parameters: false,
     assigns_expressions: true,
     assigns_in_sequence: true,
+    assigns_beside_codes: false,
     chooses_angle_range: true,
     has_output: true,
     rounds_words: true,
@@ -58,10 +69,12 @@ pub(crate) static LINUXCNC: Rules = Rules {
     apply: operator::linuxcnc,
     max_depth: 32,
     has_truth_values: false,
+    truths_are_numbers: true,
     has_names: true,
     chains_parameters: true,
     assigns_expressions: false,
     assigns_in_sequence: false,
+    assigns_beside_codes: true,
     chooses_angle_range: false,
     has_output: false,
     rounds_words: false,

@@ -78,7 +78,7 @@ fn refused(rules: &'static Rules, cases: &[(&str, &str)]) {
 /// The condition of a whole text.
 fn holds(rules: &'static Rules, text: &str) -> Result<bool, String> {
     let table = table();
-    match condition(text.as_bytes(), 0, false, &mut context(rules, &table)) {
+    match condition(text.as_bytes(), 0, &mut context(rules, &table)) {
         Ok((holds, end)) => {
             assert_eq!(end, text.len(), "{text} is read to its end");
             Ok(holds)
@@ -340,14 +340,14 @@ fn notes_on_equality_and_probes() {
     let table = table();
     let mut context = context(&FANUC, &table);
     for text in ["[#3 EQ 1]", "[#5061 NE 1]", "[#1 EQ 7]"] {
-        condition(text.as_bytes(), 0, false, &mut context).expect("a condition");
+        condition(text.as_bytes(), 0, &mut context).expect("a condition");
     }
     let notes: Vec<_> = context.notes.iter().map(|note| (note.text().0.name(), note.start, note.end)).collect();
     assert_eq!(notes, [("PRG-EXPRESSION-EQUALITY", 1, 8), ("PRG-PARAMETER-PROBED", 1, 6)]);
     // Whether a value is vacant is exact, and no cure that compares otherwise asks for it.
     let mut vacant = self::context(&FANUC, &table);
     for text in ["[#3 EQ #0]", "[#0 NE #3]", "[#3EQ#8]"] {
-        condition(text.as_bytes(), 0, false, &mut vacant).expect("a condition");
+        condition(text.as_bytes(), 0, &mut vacant).expect("a condition");
     }
     assert!(vacant.notes.is_empty(), "{:?}", vacant.notes);
     assert!(context.notes.iter().all(|note| !note.text().2.contains("GE")));

@@ -23,6 +23,7 @@ use labels::Labels;
 pub(crate) use calls::called_program;
 pub(super) use index::{Index, Indexer};
 pub(crate) use line::{Statement, classify, digits, is_conditional_return, name};
+pub(super) use whole_lines::FlowLine;
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +31,7 @@ use super::Interpreter;
 use super::turning::ContourRun;
 use crate::finding::FindingMark;
 use crate::state::{ModeContext, Phase};
-use crate::{FindingLog, InterpreterState, Operation, Place, SourceSpan};
+use crate::{FindingLog, InterpreterState, Operation, Place, ProgramName, SourceSpan};
 
 /// Most programs that wait for the one that is read.
 pub(super) const MAX_CALLS: usize = 10;
@@ -264,8 +265,8 @@ pub(super) struct CallRequest {
 /// What is called.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) enum CallTarget {
-    /// A program by its number, and the label in it where it begins.
-    Program { number: u32, label: Option<u32> },
+    /// A program, and the label in it where it begins.
+    Program { name: ProgramName, label: Option<u32> },
     /// A label of the same program.
     Label(u32),
     /// An O-word subprogram by its number or name.

@@ -1,6 +1,6 @@
 //! Where a program begins and ends: files that are none, the end, and what is behind it.
 
-use super::{Interpreter, angle, corner};
+use super::{Interpreter, angle, classify, corner};
 use crate::code;
 use crate::evidence;
 use crate::foreign::{self, Foreign};
@@ -24,6 +24,10 @@ impl Interpreter {
         let Some(foreign) = foreign::recognise(line, true) else {
             return false;
         };
+        // `<SHAFT>` alone may be the name of a program, or begin an XML document: what follows tells.
+        if classify(line, self.table.dialect.flow, false).program.is_some() {
+            return false;
+        }
         self.refuse_file(foreign, line.len(), number, operations, findings);
         true
     }

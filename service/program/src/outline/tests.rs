@@ -1,5 +1,5 @@
 use super::*;
-use crate::DialectName;
+use crate::{DialectName, ProgramName};
 
 fn mill() -> LanguageSettings {
     LanguageSettings { dialect: DialectName::Mill, ..LanguageSettings::default() }
@@ -69,8 +69,13 @@ fn labels_are_those_of_their_program() {
     assert_eq!(outline.find(&Target::Label(10), 3), [2]);
     assert_eq!(outline.find(&Target::Label(10), 4), [5, 6]);
     assert!(outline.find(&Target::Label(20), 4).is_empty());
-    assert_eq!(outline.find(&Target::Program { number: 7, label: None }, 1), [7]);
-    assert_eq!(outline.find(&Target::Program { number: 1, label: Some(20) }, 7), [3]);
+    let program = |number, label| Target::Program { name: ProgramName::Number(number), label };
+    assert_eq!(outline.find(&program(7, None), 1), [7]);
+    assert_eq!(outline.find(&program(1, Some(20)), 7), [3]);
+    let outline = Outline::read(b"%\n<SHAFT>\nN10\n<PIN>\nN10\n", &mill());
+    let names: Vec<_> = outline.stretches.iter().map(|stretch| (stretch.name.as_str(), stretch.last_line)).collect();
+    assert_eq!(names, [("<SHAFT>", 3), ("<PIN>", 5)]);
+    assert_eq!(outline.find(&Target::Label(10), 4), [5]);
     let outline = Outline::read(b"o<rect> sub\no<rect> endsub\n", &linuxcnc());
     assert_eq!(outline.find(&Target::Subprogram("<rect>".into()), 2), [1]);
 }
@@ -83,7 +88,7 @@ fn targets(line: &str, settings: &LanguageSettings) -> Vec<(String, Target)> {
 
 #[test]
 fn calls_and_jumps_name_their_targets() {
-    let program = |number, label| Target::Program { number, label };
+    let program = |number, label| Target::Program { name: ProgramName::Number(number), label };
     let of = |line: &str| targets(line, &mill());
     assert_eq!(of("N5 M98 P1000 L2"), [("P1000".to_owned(), program(1_000, None))]);
     assert_eq!(of("M98 P31000"), [("P31000".to_owned(), program(1_000, None))]);
@@ -92,6 +97,9 @@ fn calls_and_jumps_name_their_targets() {
     assert_eq!(of("G65 P9010 X1."), [("P9010".to_owned(), program(9_010, None))]);
     assert_eq!(of("IF [#1 EQ 2] GOTO 030"), [("GOTO 030".to_owned(), Target::Label(30))]);
     assert_eq!(of("goto5 (GOTO 7)"), [("goto5".to_owned(), Target::Label(5))]);
+    let named = || Target::Program { name: ProgramName::Text("PIN-1".into()), label: None };
+    assert_eq!(of("M98 <PIN-1> L3"), [("<PIN-1>".to_owned(), named())]);
+    assert_eq!(of("G65<PIN-1> A1."), [("<PIN-1>".to_owned(), named())]);
     assert_eq!(of("(M98 P1000)"), []);
     assert_eq!(of("G4 P1000"), []);
     let lathe = LanguageSettings::default();
@@ -132,10 +140,17 @@ fn words_have_roles() {
 
 #[test]
 fn files_are_named_after_programs() {
-    for (path, name) in [("subs/O1000.nc", "1000"), ("1000", "1000"), ("a\\o0042.NC", "42"), ("Rect.ngc", "rect")] {
+    for (path, name) in [
+        ("subs/O1000.nc", "1000"),
+        ("1000", "1000"),
+        ("a\\o0042.NC", "42"),
+        ("Rect.ngc", "rect"),
+        ("SHAFT-2.A", "shaft-2.a"),
+    ] {
         assert!(is_file_of_program(path, name), "{path}");
     }
     assert!(!is_file_of_program("O10001.nc", "1000"));
+    assert!(!is_file_of_program("offset.nc", "ffset"), "O is of numbers");
 }
 
 #[test]

@@ -166,7 +166,7 @@ fn candidates(target: &Target, setup: &Setup) -> Vec<(String, bool)> {
     let own = (String::new(), false);
     let name = match target {
         Target::Label(_) => return vec![own],
-        Target::Program { number, .. } => number.to_string(),
+        Target::Program { name, .. } => name.file_stem(),
         Target::Subprogram(name) => name.trim_matches(['<', '>']).to_owned(),
     };
     let files = setup.config.programs.iter();

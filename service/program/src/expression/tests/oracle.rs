@@ -215,7 +215,7 @@ proptest! {
         for rules in [&FANUC, &LINUXCNC] {
             for result in [
                 evaluate(text.as_bytes(), 0, &mut context(rules, &parameters)).map(|(_, end)| end),
-                condition(text.as_bytes(), 0, false, &mut context(rules, &parameters)).map(|(_, end)| end),
+                condition(text.as_bytes(), 0, &mut context(rules, &parameters)).map(|(_, end)| end),
                 assignment(text.as_bytes(), 0, &mut context(rules, &parameters)).map(|found| found.end),
             ] {
                 match result {

@@ -2,12 +2,13 @@
 
 use super::line::skip_blanks;
 use super::{CallKind, CallRequest, CallTarget, Interpreter, Jump, ModalCall, Pending};
+use crate::block::Rest;
 use crate::code;
 use crate::consequence;
 use crate::dialect::{CodeTable, Flow, Group, Meaning, letter_bit};
 use crate::lexer::{Lexer, TokenKind};
 use crate::parameters::LOCALS;
-use crate::{DecimalPointRule, Finding, FindingLog, LanguageSettings, SourceSpan};
+use crate::{DecimalPointRule, Finding, FindingLog, LanguageSettings, ProgramName, SourceSpan};
 
 /// Most repetitions of a called program.
 const MAX_REPEATS: u32 = 99_999_999;
@@ -63,6 +64,7 @@ pub(crate) fn called_program(
 struct Arguments {
     locals: Vec<Option<f64>>,
     program: Option<f64>,
+    name: Option<ProgramName>,
     repeats: Option<f64>,
     /// Place of the last of I, J and K, 0 before the first, and the triple that it belongs to.
     last: (u8, usize),
@@ -141,22 +143,36 @@ impl Interpreter {
     /// `M98`, `M198`.
     fn plain_call(&mut self, span: SourceSpan, findings: &mut FindingLog) -> bool {
         let label = self.whole_word(b'Q');
-        let Some(p) = self.whole_word(b'P') else {
-            if let Some(label) = label {
-                self.wait_for_call(span, CallTarget::Label(label));
-                return true;
-            }
-            return self.no_program(span, findings);
-        };
-        let digits = self.block.word(b'P').map_or(0, |word| word.number.integer_digits());
         let times = self.whole_word(b'L');
+        let called = self.called_name.take().filter(|_| matches!(self.block.rest, Some(Rest::Name(_))));
+        let (name, before) = match (called, self.whole_word(b'P')) {
+            (Some(name), None) => (name, None),
+            (Some(name), Some(p)) => {
+                findings.push_with(code::WORD_CONFLICT, |code| {
+                    Finding::new(code, span, format!("both {name} and P{p} say which program is called"))
+                        .suggest("keep one of them")
+                });
+                return false;
+            }
+            (None, Some(p)) => {
+                let digits = self.block.word(b'P').map_or(0, |word| word.number.integer_digits());
+                let has_l = self.block.word(b'L').is_some();
+                let (number, before) = called_program(&self.table, &self.settings, p, digits, has_l);
+                (ProgramName::Number(number), before)
+            }
+            (None, None) => {
+                if let Some(label) = label {
+                    self.wait_for_call(span, CallTarget::Label(label));
+                    return true;
+                }
+                return self.no_program(span, findings);
+            }
+        };
         if times == Some(0) && self.reports_no_repeats(span, findings) {
             return false;
         }
-        let has_l = self.block.word(b'L').is_some();
-        let (number, before) = called_program(&self.table, &self.settings, p, digits, has_l);
         let repeats = before.or(times).unwrap_or(1);
-        let target = CallTarget::Program { number, label };
+        let target = CallTarget::Program { name, label };
         self.wait_for_call_of(span, target, repeats);
         true
     }
@@ -217,7 +233,8 @@ impl Interpreter {
         }
         let Some(arguments) = self.arguments(line, at, findings) else { return false };
         let whole = |value: Option<f64>| value.filter(|it| libm::rint(*it) == *it && (0.0..=99_999_999.0).contains(it));
-        let Some(number) = whole(arguments.program) else { return self.no_program(span, findings) };
+        let number = whole(arguments.program).map(|number| ProgramName::Number(number as u32));
+        let Some(name) = arguments.name.or(number) else { return self.no_program(span, findings) };
         let repeats = match arguments.repeats {
             None => 1,
             Some(repeats) => whole(Some(repeats)).map_or(1, |repeats| repeats as u32).min(MAX_REPEATS),
@@ -225,7 +242,7 @@ impl Interpreter {
         if repeats == 0 && self.reports_no_repeats(span, findings) {
             return false;
         }
-        let target = CallTarget::Program { number: number as u32, label: None };
+        let target = CallTarget::Program { name, label: None };
         let kind = if modal { CallKind::Modal { level: 0 } } else { CallKind::Macro };
         let by_code = self.block.calls_by_code;
         let request = CallRequest { kind, target, repeats, arguments: arguments.locals, by_code };
@@ -260,6 +277,16 @@ impl Interpreter {
             let span = self.span_in(line, at + token.start as usize, at + token.end as usize);
             if matches!(token.kind, TokenKind::Comment) {
                 at += token.end as usize;
+                continue;
+            }
+            if arguments.name.is_none()
+                && arguments.program.is_none()
+                && !self.settings.is_haas()
+                && let Some((name, length)) = ProgramName::read(&line[at..])
+            {
+                arguments.name = Some(name);
+                seen |= letter_bit(b'P');
+                at += length;
                 continue;
             }
             let letter = line[at].to_ascii_uppercase();

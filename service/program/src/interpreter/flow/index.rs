@@ -5,18 +5,18 @@ use std::collections::HashMap;
 
 use super::line::{self, Statement};
 use super::{Found, Mark};
-use crate::LanguageSettings;
 use crate::dialect::Flow;
 use crate::lookalike::Stretch;
+use crate::{LanguageSettings, ProgramName};
 
 /// Most labels and statements that are kept of one program, so that its index stays within a few tens of megabytes.
 pub(super) const MAX_ENTRIES: usize = 1 << 20;
 
-/// Part of a file: from a program number to the next.
+/// Part of a file: from where one program begins to the next.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::interpreter) struct Section {
-    /// Program number, `None` before the first one.
-    pub(in crate::interpreter) number: Option<u32>,
+    /// What its program is called by, `None` before the first one.
+    pub(in crate::interpreter) name: Option<ProgramName>,
     /// The line that begins it.
     pub(in crate::interpreter) start: Mark,
     /// Offset behind its last line.
@@ -119,9 +119,9 @@ impl Index {
         &self.sections[behind.saturating_sub(1)]
     }
 
-    /// The section with a program number.
-    pub(super) fn program(&self, number: u32) -> Found {
-        let mut found = self.sections.iter().filter(|section| section.number == Some(number)).map(|it| it.start);
+    /// The section of a program.
+    pub(super) fn program(&self, name: &ProgramName) -> Found {
+        let mut found = self.sections.iter().filter(|section| section.name.as_ref() == Some(name)).map(|it| it.start);
         match (found.next(), found.next()) {
             (None, _) => Found::Nowhere,
             (Some(mark), None) => Found::At(mark),
@@ -206,7 +206,7 @@ pub(in crate::interpreter) struct Indexer {
 impl Indexer {
     pub(in crate::interpreter) fn new(program: u32, flow: Flow, settings: &LanguageSettings) -> Self {
         let at = Mark::start_of(program);
-        let whole = Section { number: None, start: at, end: u64::MAX };
+        let whole = Section { name: None, start: at, end: u64::MAX };
         let index = Index {
             program,
             sections: vec![whole],
@@ -265,11 +265,11 @@ impl Indexer {
             let message = stretch.message(text);
             self.index.unread.push(UnreadNumber { line: start, stretch, message });
         }
-        if let Some(number) = found.program {
+        if let Some(name) = found.program {
             if let Some(last) = self.index.sections.last_mut() {
                 last.end = start.place.offset;
             }
-            self.index.sections.push(Section { number: Some(number), start, end: u64::MAX });
+            self.index.sections.push(Section { name: Some(name), start, end: u64::MAX });
         }
         let entries = self.index.labels.len() + self.index.controls.len() + self.index.sections.len();
         if entries >= MAX_ENTRIES {

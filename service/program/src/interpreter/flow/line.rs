@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::ProgramName;
 use crate::dialect::Flow;
 use crate::lookalike::{self, Stretch};
 
@@ -67,8 +68,8 @@ impl Statement {
 pub(crate) struct Line {
     /// `N`
     pub(crate) label: Option<u32>,
-    /// The number of the program that begins here.
-    pub(crate) program: Option<u32>,
+    /// The program that begins here.
+    pub(crate) program: Option<ProgramName>,
     /// With the number or the name of it.
     pub(crate) statement: Option<(Statement, String)>,
     /// A line or program number with characters that only look like those of one.
@@ -162,7 +163,11 @@ pub(crate) fn classify(line: &[u8], flow: Flow, block_delete: bool) -> Line {
     }
     match (line.get(at).map(u8::to_ascii_uppercase), flow) {
         (Some(b'O'), Flow::OWords) => o_word(line, at, &mut found),
-        (Some(b'O' | b':'), Flow::MacroB) => found.program = digits(line, at + 1).map(|(number, _)| number),
+        (Some(b'<'), Flow::MacroB) => found.program = ProgramName::read(&line[at..]).map(|(name, _)| name),
+        (Some(b'O' | b':'), Flow::MacroB) => {
+            let number = digits(line, at + 1).map(|(number, _)| ProgramName::Number(number));
+            found.program = number.or_else(|| ProgramName::read(&line[at + 1..]).map(|(name, _)| name));
+        }
         (Some(b'W' | b'D' | b'E'), Flow::MacroB) => found.statement = loop_statement(line, at),
         _ => {}
     }
@@ -176,7 +181,7 @@ fn loop_statement(line: &[u8], at: usize) -> Option<(Statement, String)> {
     let (what, at) = match word.as_slice() {
         b"DO" => (Statement::Do, end),
         b"END" => (Statement::EndDo, end),
-        b"WHILE" => {
+        b"WHILE" | b"WH" => {
             let behind = behind_brackets(line, end)?;
             let (start, end) = letters(line, behind);
             if !line[start..end].eq_ignore_ascii_case(b"DO") {
@@ -229,7 +234,9 @@ fn o_word(line: &[u8], at: usize, found: &mut Line) {
     let (start, end) = letters(line, end);
     match statement(&line[start..end]) {
         Some(what) => found.statement = Some((what, name)),
-        None if start == end && is_blank_or_comment(line, end) => found.program = name.parse().ok(),
+        None if start == end && is_blank_or_comment(line, end) => {
+            found.program = name.parse().ok().map(ProgramName::Number);
+        }
         None => {}
     }
 }
@@ -269,7 +276,22 @@ mod tests {
 
     fn found(line: &str, flow: Flow) -> (Option<u32>, Option<u32>, Option<(Statement, String)>) {
         let Line { label, program, statement, .. } = classify(line.as_bytes(), flow, false);
-        (label, program, statement)
+        let number = program.map(|program| match program {
+            ProgramName::Number(number) => number,
+            ProgramName::Text(_) => unreachable!("{line}"),
+        });
+        (label, number, statement)
+    }
+
+    #[test]
+    fn programs_may_have_names() {
+        let of = |line: &str, flow| classify(line.as_bytes(), flow, false).program.map(|name| name.to_string());
+        for line in ["<SHAFT-2>", "O<SHAFT-2> (A SHAFT)", " <SHAFT-2>"] {
+            assert_eq!(of(line, Flow::MacroB).as_deref(), Some("<SHAFT-2>"), "{line}");
+        }
+        assert_eq!(of("<O0012>", Flow::MacroB).as_deref(), Some("O12"));
+        assert_eq!(of("<html lang=en>", Flow::MacroB), None);
+        assert_eq!(of("<SHAFT-2>", Flow::OWords), None);
     }
 
     #[test]

@@ -7,43 +7,57 @@ use crate::code;
 use crate::dialect::Flow;
 use crate::{Finding, FindingLog, Operation, SourceSpan};
 
+/// What a statement leaves of its line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Left {
+    /// It is done.
+    Nothing,
+    /// A block is to be executed, from this offset on.
+    Block(usize),
+}
+
 /// Largest number of a block that a jump leads to.
 const LARGEST_TARGET: f64 = 99_999_999.0;
 
 impl Interpreter {
-    /// Executes the statement whose first letter is at `at`; `false` after an error, which ends the program.
-    pub(in crate::interpreter) fn macro_statement(
+    /// Executes the statement whose first letter is at `at`: what it leaves; nothing after an error, which ends the program.
+    pub(super) fn macro_statement(
         &mut self,
         line: &[u8],
         at: usize,
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
-    ) -> bool {
+    ) -> Option<Left> {
         let (start, end) = letters(line, at);
         let span = self.span_in(line, start, line.trim_ascii_end().len());
         if self.table.dialect.flow == Flow::OWords {
             return self.statement_of_macro_b(span, findings);
         }
-        let done = match line[start..end].to_ascii_uppercase().as_slice() {
+        let word = line[start..end].to_ascii_uppercase();
+        if word == b"IF" {
+            return self.if_statement(line, end, span, operations, findings);
+        }
+        let done = match word.as_slice() {
             b"" if line.get(start) == Some(&b'[') => self.jump_on_condition(line, start, span, findings),
             b"GOTO" => self.goto(line, end, span, findings),
-            b"IF" => self.if_statement(line, end, span, operations, findings),
             b"WHILE" => self.while_statement(line, end, span, findings),
+            b"WH" if self.settings.is_haas() => self.while_statement(line, end, span, findings),
+            b"WH" => self.bad_statement(span, "WH is WHILE on Haas controls only: write WHILE", findings),
             b"DO" => self.begin_loop(line, end, true, span, findings),
             b"END" => self.end_loop(line, end, span, findings),
             _ => self.bad_statement(span, "this is no statement: IF, GOTO, WHILE, DO and END are", findings),
         };
-        done.is_some()
+        done.map(|()| Left::Nothing)
     }
 
     /// Refuses a statement in a dialect whose control flow is made of O-words: its control reads letters there that are no words.
     #[cold]
-    fn statement_of_macro_b(&self, span: SourceSpan, findings: &mut FindingLog) -> bool {
+    fn statement_of_macro_b(&self, span: SourceSpan, findings: &mut FindingLog) -> Option<Left> {
         findings.push_with(code::STATEMENT, |code| {
             Finding::new(code, span, "this is a statement of Macro B, which LinuxCNC does not have")
                 .suggest("write it with O-words, such as o100 if [#1 GT 2] … o100 endif, or o100 while [#1 LT 5] … o100 endwhile")
         });
-        false
+        None
     }
 
     /// The place of some bytes of the present line.
@@ -97,22 +111,28 @@ impl Interpreter {
         span: SourceSpan,
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
-    ) -> Option<()> {
+    ) -> Option<Left> {
         let (holds, at) = self.condition(line, at, findings)?;
         let (start, end) = letters(line, at);
         match line[start..end].to_ascii_uppercase().as_slice() {
-            b"GOTO" if holds => self.goto(line, end, span, findings),
-            b"GOTO" => Some(()),
-            b"THEN" => self.then_statement(line, end, holds, span, operations, findings),
+            b"GOTO" if holds => self.goto(line, end, span, findings)?,
+            b"GOTO" => {}
+            b"THEN" => return self.then_statement(line, end, holds, span, operations, findings),
             b"M" if return_code(line, at).is_some() => {
                 let label = self.label_of_return(line, at, span, findings)?;
                 if holds {
                     self.end_call(span, label);
                 }
-                Some(())
             }
-            _ => self.bad_statement(span, "behind the condition must be GOTO with a number, THEN or M99", findings),
+            _ => {
+                return self.bad_statement(
+                    span,
+                    "behind the condition must be GOTO with a number, THEN or M99",
+                    findings,
+                );
+            }
         }
+        Some(Left::Nothing)
     }
 
     /// `[…] M99 P10` of Haas controls, which is `IF […] GOTO 10`; without `P` a return.
@@ -160,7 +180,7 @@ impl Interpreter {
         Some(label)
     }
 
-    /// Exactly one assignment behind `THEN`.
+    /// Exactly one assignment behind `THEN`; on Haas controls a block.
     fn then_statement(
         &mut self,
         line: &[u8],
@@ -169,22 +189,30 @@ impl Interpreter {
         span: SourceSpan,
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
-    ) -> Option<()> {
-        let at = super::line::skip_blanks(line, at);
-        if line.get(at..at + 4).is_some_and(|word| word.eq_ignore_ascii_case(b"GOTO")) {
-            return if holds { self.goto(line, at + 4, span, findings) } else { Some(()) };
+    ) -> Option<Left> {
+        let (at, end) = letters(line, at);
+        if line[at..end].eq_ignore_ascii_case(b"GOTO") {
+            if holds {
+                self.goto(line, end, span, findings)?;
+            }
+            return Some(Left::Nothing);
         }
-        if line.get(at) != Some(&b'#') {
+        let takes_blocks = self.settings.is_haas() && !is_blank_or_comment(line, at);
+        if !takes_blocks && line.get(at) != Some(&b'#') {
             return self.bad_statement(span, "behind THEN must be one assignment, #1=2, and nothing else", findings);
         }
-        if !holds {
-            return Some(());
+        match (holds, takes_blocks) {
+            (false, _) => Some(Left::Nothing),
+            (true, true) => Some(Left::Block(at)),
+            (true, false) => {
+                let end = self.assign_at(line, at, operations, findings)?;
+                if !is_blank_or_comment(line, end) {
+                    let message = "behind THEN must be one assignment, #1=2, and nothing else";
+                    return self.bad_statement(span, message, findings);
+                }
+                Some(Left::Nothing)
+            }
         }
-        let end = self.assign_at(line, at, operations, findings)?;
-        if !is_blank_or_comment(line, end) {
-            return self.bad_statement(span, "behind THEN must be one assignment, #1=2, and nothing else", findings);
-        }
-        Some(())
     }
 
     fn while_statement(&mut self, line: &[u8], at: usize, span: SourceSpan, findings: &mut FindingLog) -> Option<()> {

@@ -5,7 +5,7 @@ use super::index::UnreadNumber;
 use super::line::Statement;
 use super::{CallTarget, Found, Interpreter, Mark, Pending, Progress};
 use crate::code;
-use crate::{Finding, FindingLog, SourceSpan};
+use crate::{Finding, FindingLog, ProgramName, SourceSpan};
 
 /// Most further program files that a finding names.
 const MOST_NAMED_FILES: usize = 50;
@@ -45,14 +45,15 @@ impl Interpreter {
                     })),
                 }
             }
-            CallTarget::Program { number, label } => {
-                let start = self.find_program(*number, own, pending, findings)?;
+            CallTarget::Program { name, label } => {
+                let start = self.find_program(name, own, pending, findings)?;
                 if start.is_none()
+                    && let ProgramName::Number(number) = name
                     && (0..=self.programs.len() as u32).any(|file| self.reports_unread('O', *number, file, findings))
                 {
                     return Err(Progress::Failed);
                 }
-                let Some(start) = start else { return Err(self.missing(&format!("O{number}"), pending, findings)) };
+                let Some(start) = start else { return Err(self.missing(&name.to_string(), pending, findings)) };
                 let Some(label) = label else { return Ok(start) };
                 let index = self.index(start.place.program).ok_or(Progress::NeedsIndex(start.place.program))?;
                 match index.label(*label, start.place.offset) {
@@ -60,26 +61,24 @@ impl Interpreter {
                     Found::Nowhere if self.reports_unread('N', *label, start.place.program, findings) => {
                         Err(Progress::Failed)
                     }
-                    _ => {
-                        Err(self.missing(&format!("block N{label} that is there once in O{number}"), pending, findings))
-                    }
+                    _ => Err(self.missing(&format!("block N{label} that is there once in {name}"), pending, findings)),
                 }
             }
             CallTarget::Sub(name) => self.find_sub(name, own, pending, findings),
         }
     }
 
-    /// The program of a number: in the file of the call, in a file named after it, in any other, or a file that is the program by its
+    /// A program: in the file of the call, in a file named after it, in any other, or a file that is the program by its
     /// name alone. Where the first of these that has it has it twice, nothing says which is meant.
     fn find_program(
         &self,
-        number: u32,
+        name: &ProgramName,
         own: u32,
         pending: &Pending,
         findings: &mut FindingLog,
     ) -> Result<Option<Mark>, Progress> {
-        let name = number.to_string();
-        let is_named = |file: u32| file > 0 && self.is_file_of(file, &name);
+        let stem = name.file_stem();
+        let is_named = |file: u32| file > 0 && self.is_file_of(file, &stem);
         let files = || (0..=self.programs.len() as u32).filter(|&file| file != own);
         let ranks: [&mut dyn Iterator<Item = u32>; 3] = [
             &mut core::iter::once(own),
@@ -90,12 +89,12 @@ impl Interpreter {
             let mut known = None;
             for file in rank {
                 let index = self.index(file).ok_or(Progress::NeedsIndex(file))?;
-                known = match (known, index.program(number)) {
+                known = match (known, index.program(name)) {
                     (known, Found::Nowhere) => known,
                     (None, Found::At(mark)) => Some(mark),
                     (None, Found::Twice(first, second))
                     | (Some(first), Found::At(second) | Found::Twice(second, _)) => {
-                        return Err(self.ambiguous_program(number, [first, second], pending, findings));
+                        return Err(self.ambiguous_program(name, [first, second], pending, findings));
                     }
                 };
             }
@@ -105,11 +104,11 @@ impl Interpreter {
         }
         let mut by_name = (1..=self.programs.len() as u32).filter(|&file| is_named(file)).map(Mark::start_of);
         match (by_name.next(), by_name.next()) {
-            (Some(first), Some(second)) => Err(self.ambiguous_program(number, [first, second], pending, findings)),
+            (Some(first), Some(second)) => Err(self.ambiguous_program(name, [first, second], pending, findings)),
             (Some(known), None) => {
-                let numbers = self.index(known.place.program).map(|index| index.sections.iter());
-                match numbers.into_iter().flatten().find_map(|section| section.number) {
-                    Some(other) => Err(self.renumbered_file(number, other, known, pending, findings)),
+                let sections = self.index(known.place.program).map(|index| index.sections.iter());
+                match sections.into_iter().flatten().find_map(|section| section.name.as_ref()) {
+                    Some(other) => Err(self.renamed_file(name, other, known, pending, findings)),
                     None => Ok(Some(known)),
                 }
             }
@@ -119,25 +118,25 @@ impl Interpreter {
 
     /// A file that is named after the program and holds another one: controls call by the one or by the other.
     #[cold]
-    fn renumbered_file(
+    fn renamed_file(
         &self,
-        number: u32,
-        other: u32,
+        wanted: &ProgramName,
+        other: &ProgramName,
         file: Mark,
         pending: &Pending,
         findings: &mut FindingLog,
     ) -> Progress {
         self.no_target(pending, findings, |finding| {
             let name = self.file_name(file.place.program);
-            let message = format!("{name} is named after O{number} and holds O{other}: which is meant?");
-            (message, finding.suggest(format!("call O{other}, or write O{number} in {name}")))
+            let message = format!("{name} is named after {wanted} and holds {other}: which is meant?");
+            (message, finding.suggest(format!("call {other}, or write {wanted} in {name}")))
         })
     }
 
     #[cold]
     fn ambiguous_program(
         &self,
-        number: u32,
+        name: &ProgramName,
         places: [Mark; 2],
         pending: &Pending,
         findings: &mut FindingLog,
@@ -145,8 +144,8 @@ impl Interpreter {
         self.no_target(pending, findings, |finding| {
             let [first, second] =
                 places.map(|mark| format!("on line {} of {}", mark.line(), self.file_name(mark.place.program)));
-            let message = format!("O{number} is {first} and {second}: which is meant?");
-            (message, finding.suggest("give one of them another number, or leave it out"))
+            let message = format!("{name} is {first} and {second}: which is meant?");
+            (message, finding.suggest("give one of them another number or name, or leave it out"))
         })
     }
 

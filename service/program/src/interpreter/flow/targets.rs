@@ -227,8 +227,8 @@ impl Interpreter {
         }
         let modes = std::mem::take(&mut self.state.machine.context);
         let program_number = self.state.program_number;
-        if let CallTarget::Program { number, .. } = request.target {
-            self.state.program_number = Some(number);
+        if let CallTarget::Program { name, .. } = &request.target {
+            self.state.program_number = name.number();
         }
         let flow = &mut self.state.flow;
         if target.place.program != pending.from.place.program {

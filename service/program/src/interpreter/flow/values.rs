@@ -34,9 +34,7 @@ impl Interpreter {
     /// The condition in brackets that starts at `at`, and where it ends; nothing after a finding.
     pub(super) fn condition(&mut self, line: &[u8], at: usize, findings: &mut FindingLog) -> Option<(bool, usize)> {
         let at = super::line::skip_blanks(line, at);
-        // A Haas control takes every value but 0 as true.
-        let takes_numbers = self.settings.is_haas();
-        self.read_value(line, at, findings, |line, at, context| expression::condition(line, at, takes_numbers, context))
+        self.read_value(line, at, findings, expression::condition)
     }
 
     fn read_value<T>(
@@ -49,7 +47,7 @@ impl Interpreter {
         let dialect = self.table.dialect;
         let system = System { state: &self.state, settings: &self.settings, dialect, tools: &self.tools };
         let watched = Watched { system, asked: Cell::new(false) };
-        let mut context = Context::new(dialect.expressions, &watched, self.settings.angle_range);
+        let mut context = Context::new(self.table.expressions, &watched, self.settings.angle_range);
         let found = read(line, at, &mut context);
         let notes = context.notes;
         self.state.flow.asked += u64::from(watched.asked.get());

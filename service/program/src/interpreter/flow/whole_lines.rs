@@ -2,13 +2,25 @@
 
 use std::sync::Arc;
 
+use super::macro_b::Left;
 use super::{CallKind, Mark, classify};
 use crate::block::Rest;
 use crate::code;
 use crate::dialect::{Flow, Group, Meaning};
-use crate::interpreter::{Interpreter, LineOutcome};
+use crate::interpreter::{Interpreter, LineOutcome, Straight};
 use crate::state::{Motion, Phase};
-use crate::{Finding, FindingLog, Operation, OperationKind, SourceSpan};
+use crate::{Finding, FindingLog, Operation, OperationKind, ProgramName, SourceSpan};
+
+/// What control flow leaves of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::interpreter) enum FlowLine {
+    /// Nothing.
+    Done,
+    /// The words of its block are still to be executed.
+    Words,
+    /// So is what stands from this offset on, as if it were alone in its line.
+    Block(usize),
+}
 
 impl Interpreter {
     /// Carries out what the line that was just read waits for.
@@ -66,27 +78,37 @@ impl Interpreter {
         LineOutcome::Elsewhere
     }
 
-    /// Executes a line that is a statement, calls a macro, or has a program number; `false` where the words of its block are still to be
-    /// executed.
+    /// Executes a line that is a statement, calls a macro, or has a program number.
     #[cold]
     pub(in crate::interpreter) fn flow_line(
         &mut self,
         line: &[u8],
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
-    ) -> bool {
+    ) -> FlowLine {
         let span = self.span_in(line, 0, line.len());
         self.state.flow.asked_before = self.state.flow.asked;
         let goes_on = match self.block.rest {
             Some(Rest::Statement(at)) => {
                 self.state.flow.has_decided = true;
-                self.macro_statement(line, at as usize, operations, findings)
+                match self.macro_statement(line, at as usize, operations, findings) {
+                    Some(Left::Block(from)) => return FlowLine::Block(from),
+                    left => left.is_some(),
+                }
             }
             Some(Rest::Arguments { at, modal }) => self.macro_call(line, at as usize, modal, findings),
             Some(Rest::OWord(at)) => match self.o_statement(line, at as usize, findings) {
                 Some(goes_on) => goes_on,
                 None => return self.program_begins(span, operations, findings),
             },
+            Some(Rest::Name(at)) => {
+                let name = ProgramName::read(&line[at as usize..]).map(|(name, _)| name);
+                if self.block.code(Group::Subprogram).is_none() {
+                    return self.program_begins(self.block.span(), operations, findings);
+                }
+                self.called_name = name;
+                return FlowLine::Words;
+            }
             None => {
                 let word = self.block.word(b'O').map_or(span, |word| self.block.word_span(word));
                 return self.program_begins(word, operations, findings);
@@ -99,21 +121,30 @@ impl Interpreter {
         if !goes_on {
             self.give_up(span, operations, findings);
         }
-        true
+        FlowLine::Done
     }
 
     /// A program number: the line of the program that was called goes on; behind the first block of another one the program before
     /// it is not ended.
-    fn program_begins(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) -> bool {
+    fn program_begins(
+        &mut self,
+        span: SourceSpan,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> FlowLine {
+        let goes_on = match self.block.rest {
+            Some(Rest::OWord(_)) => FlowLine::Done,
+            _ => FlowLine::Words,
+        };
         let is_target = self.state.flow.calls.last().is_some_and(|call| call.target.place == self.state.place);
         if is_target || self.state.phase != Phase::Blocks {
-            return self.block.rest.is_some();
+            return goes_on;
         }
         // LinuxCNC goes on into the program that begins.
         if self.table.dialect.flow == Flow::OWords
             && self.state.flow.calls.last().is_none_or(|call| call.kind != CallKind::Sub)
         {
-            return self.block.rest.is_some();
+            return goes_on;
         }
         if self.state.flow.calls.is_empty() {
             findings.push_with(code::NO_END, |code| {
@@ -124,7 +155,31 @@ impl Interpreter {
             self.report_open_call(span, findings);
         }
         self.give_up(span, operations, findings);
-        true
+        FlowLine::Done
+    }
+
+    /// Executes what stands behind `THEN` from an offset on, as if it were alone in its line.
+    #[cold]
+    pub(in crate::interpreter) fn block_behind_condition(
+        &mut self,
+        line: &[u8],
+        from: usize,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) {
+        let mut alone = line.to_vec();
+        alone[..from].fill(b' ');
+        let mark = findings.mark();
+        self.straight = Straight::Unknown;
+        self.parse_block(&alone, &mark, findings);
+        if self.block.percent.is_some() || matches!(self.block.rest, Some(Rest::Statement(_))) {
+            let span = self.span_in(line, from, line.trim_ascii_end().len());
+            self.bad_statement::<()>(span, "behind THEN may be the words of a block, assignments or GOTO", findings);
+            return self.give_up(span, operations, findings);
+        }
+        self.execute_line(&alone, &mark, operations, findings);
+        // An end on a condition is not the only one: what is behind it is no rest.
+        self.state.flow.has_jumped |= self.state.has_ended();
     }
 
     /// Whether a line behind the end begins a program or a subprogram.

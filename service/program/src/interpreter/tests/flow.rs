@@ -1,7 +1,9 @@
 //! Control flow: section 3 of the language page, and its worked examples 6 and 7.
 
 mod endless;
+mod haas;
 mod labels;
+mod names;
 
 use super::*;
 use crate::{DrillingSettings, DrillingStyle, Reader, Reading, SourcePages};

@@ -42,10 +42,10 @@ fn comments_do_not_nest() {
 }
 
 #[test]
-fn programs_have_numbers() {
+fn programs_have_numbers_or_short_names() {
     for settings in [mill(), lathe()] {
-        one(&settings, "O<SHAFT>\nG0 X1", "PRG-NUMBER-MISSING", "give the program a number");
-        one(&settings, "G0 X1\nM98 <SUB1>", "PRG-NUMBER-MISSING", "give the program a number");
+        one(&settings, "O<SHAFT 1>\nG0 X1", "PRG-NUMBER-MISSING", "give the program a number");
+        one(&settings, "G0 X1\nM98 <SUB 1>", "PRG-NUMBER-MISSING", "give the program a number");
         one(&settings, "G0 X1\nM98 P<SUB1>", "PRG-NUMBER-MISSING", "give the program a number");
     }
 }

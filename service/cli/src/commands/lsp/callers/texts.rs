@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use feedwave_cutting::MachineProfile;
 use feedwave_program::lexer::{Lexer, TokenKind};
-use feedwave_program::{Axis, DialectName, GCodeSystem, LanguageSettings, Outline, Vocabulary, WordRole};
+use feedwave_program::{Axis, DialectName, GCodeSystem, LanguageSettings, Outline, ProgramName, Vocabulary, WordRole};
 
 use crate::commands::lsp::document::Document;
 
@@ -19,8 +19,8 @@ const MAX_NAMES: usize = 1_000;
 
 /// What of a document is called.
 pub(super) enum Calls {
-    /// Programs by their numbers.
-    Programs(Vec<u32>),
+    /// Programs by their numbers and names.
+    Programs(Vec<ProgramName>),
     /// Subprograms of the O-word language, by their names as they are written.
     Subprograms(Vec<String>),
 }
@@ -32,18 +32,21 @@ impl Calls {
             let names: Vec<_> = outline.subprogram_names().map(str::to_owned).collect();
             return (!names.is_empty()).then_some(Self::Subprograms(names));
         }
-        let mut numbers: Vec<_> = outline.program_numbers().collect();
-        if numbers.is_empty() {
+        let mut names: Vec<_> = outline.program_names().cloned().collect();
+        if names.is_empty() {
             let number = stem.and_then(|stem| stem.trim_start_matches(['O', 'o']).parse().ok());
-            numbers.push(number.unwrap_or(UNNAMED));
+            names.push(ProgramName::Number(number.unwrap_or(UNNAMED)));
         }
-        Some(Self::Programs(numbers))
+        Some(Self::Programs(names))
     }
 
     /// A name of the document by which calls find it.
     pub(super) fn file_name(&self) -> String {
         match self {
-            Self::Programs(numbers) => format!("O{}.nc", numbers[0]),
+            Self::Programs(names) => match &names[0] {
+                name @ ProgramName::Number(_) => format!("{name}.nc"),
+                ProgramName::Text(name) => format!("{name}.nc"),
+            },
             Self::Subprograms(names) => format!("{}.ngc", names[0].trim_matches(['<', '>'])),
         }
     }
@@ -53,14 +56,14 @@ impl Calls {
         let mut text = String::new();
         let values = |count: usize, first: f64| (0..count).map(move |place| first * (1.0 + 0.25 * place as f64));
         match self {
-            Self::Programs(numbers) => {
-                for number in numbers {
+            Self::Programs(names) => {
+                for name in names.iter().map(ProgramName::in_call) {
                     text.push_str(state);
                     let Some(first) = argument else {
-                        let _ = writeln!(text, "M98 P{number} L1");
+                        let _ = writeln!(text, "M98 {name} L1");
                         continue;
                     };
-                    let _ = write!(text, "G65 P{number} L1");
+                    let _ = write!(text, "G65 {name} L1");
                     for (letter, value) in ARGUMENTS.chars().zip(values(ARGUMENTS.len(), first)) {
                         let _ = write!(text, " {letter}{value:.4}");
                     }
