@@ -23,7 +23,7 @@ use crate::{FindingLog, SourceSpan};
 use corner::CommaWords;
 use machine::MachineWords;
 
-pub(crate) use defect::quote;
+pub(crate) use defect::{no_program_name, quote};
 pub(crate) use machine::MachineWord;
 pub(crate) use polar::PolarWords;
 
@@ -90,8 +90,8 @@ pub(crate) enum Rest {
     OWord(u32),
     /// The arguments of a macro call, for every block that moves where it is modal.
     Arguments { at: u32, modal: bool },
-    /// The name of a program in `< >`, which begins here or is called; words may follow.
-    Name(u32),
+    /// The name in `< >` of the program that a call names so; words may follow.
+    CalledName(u32),
 }
 
 /// The words of one line. Storage is fixed and reused: masks say which slots hold words of the present line.
@@ -117,6 +117,8 @@ pub(crate) struct Block {
     polar: Option<PolarWords>,
     /// Offsets of start and end of `$` with its number, and whether that is all spindles.
     spindle_number: Option<(u32, u32, bool)>,
+    /// A program begins here by a name in `< >`, which stands in the place of its `O`: the number that the name means, where it is one.
+    pub(crate) named_program: Option<Option<u32>>,
     /// A leading `%`.
     pub(crate) percent: Option<SourceSpan>,
     /// Something in the block could not be understood, so that what its words mean together is unknown.
@@ -154,6 +156,7 @@ impl Default for Block {
             commas: CommaWords::default(),
             polar: None,
             spindle_number: None,
+            named_program: None,
             percent: None,
             unclear: false,
             unread: 0,
@@ -242,7 +245,7 @@ impl Block {
                     if !table.dialect.is_linuxcnc && self.is_program_name(line, token) =>
                 {
                     let Some(end) = self.read_program_name(line, token, table, system) else {
-                        return self.report_program_name(line, token, findings);
+                        return self.report_program_name(line, token, system, findings);
                     };
                     tokens = Lexer::from(line, end);
                 }
@@ -384,6 +387,7 @@ impl Block {
         self.commas.clear();
         self.polar = None;
         self.spindle_number = None;
+        self.named_program = None;
         self.percent = None;
         self.unclear = false;
         self.unread = 0;
@@ -402,7 +406,7 @@ impl Block {
 
     /// Whether what is left of the line is not read as words.
     const fn has_no_more_words(&self) -> bool {
-        self.has_failed || !matches!(self.rest, None | Some(Rest::Name(_)))
+        self.has_failed || !matches!(self.rest, None | Some(Rest::CalledName(_)))
     }
 
     /// Whether no word was read but a line number.

@@ -26,6 +26,7 @@ const UNPACK: &str = "unpack it, and upload the program itself";
 
 impl Foreign {
     pub(crate) const EMPTY: Self = foreign("an empty file", UPLOAD);
+    pub(crate) const XML: Self = foreign("an XML document", UPLOAD);
     pub(crate) const COMMENTS: Self = foreign("a file with nothing but comments", UPLOAD);
     pub(crate) const NUL: Self =
         foreign("a file of NUL bytes, as a transfer that broke off leaves it", "transfer it again");
@@ -110,7 +111,7 @@ fn first_line(line: &[u8]) -> Option<Foreign> {
         return Some(foreign("an HTML page", UPLOAD));
     }
     if text.first() == Some(&b'<') {
-        return Some(foreign("an XML document", UPLOAD));
+        return Some(Foreign::XML);
     }
     let json_array = text.first() == Some(&b'[') && matches!(text[1..].trim_ascii().first(), Some(b'{' | b'"'));
     if text.first() == Some(&b'{') || json_array {

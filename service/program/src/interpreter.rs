@@ -39,7 +39,6 @@ use crate::block::Block;
 use crate::consequence;
 use crate::dialect::{CodeTable, Group, Meaning, letter_bit};
 use crate::finding::FindingMark;
-use crate::foreign;
 use crate::state::Phase;
 use crate::{
     Compensator, Finding, FindingLog, Function, InterpreterState, LanguageSettings, Operation, OperationKind, Place,
@@ -300,7 +299,7 @@ impl Interpreter {
             return;
         }
         if self.block.unclear
-            && let Some(foreign) = foreign::recognise(line, !self.state.evidence.is_readable())
+            && let Some(foreign) = self.recognise_foreign(line, !self.state.evidence.is_readable())
         {
             return self.refuse_file(foreign, line.len(), number, operations, findings);
         }

@@ -55,7 +55,7 @@ pub use operation::{
     OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadAmplitudeWord,
     ThreadKind, ThreadMove, ThreadPlane,
 };
-pub use outline::{Outline, Stretch, StretchKind, Target, Vocabulary, WordRole, is_file_of_program};
+pub use outline::{Outline, Stretch, StretchKind, Target, Vocabulary, WordRole};
 pub use parameters::InitialParameters;
 pub use program_name::ProgramName;
 pub use reader::{Reader, Reading};

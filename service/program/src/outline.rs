@@ -441,6 +441,16 @@ impl Vocabulary {
         targets
     }
 
+    /// The name in `< >` that a call has directly behind its code.
+    fn called_name(&self, line: &[u8], at: usize) -> Option<(SourceSpan, ProgramName)> {
+        if self.table.dialect.flow != Flow::MacroB || self.settings.is_haas() {
+            return None;
+        }
+        let start = behind_blanks(line, at);
+        let (name, length) = ProgramName::read(line.get(start..)?)?;
+        Some((span(start, start + length), name))
+    }
+
     fn targets_of(&self, code: &Token, block: &Block, line: &[u8], targets: &mut Vec<(SourceSpan, Target)>) {
         let place = |token: &Token| span(token.start as usize, token.end as usize);
         let mut add = |letter: u8, target: &dyn Fn(u32) -> Target| {
@@ -457,7 +467,7 @@ impl Vocabulary {
                 calls.for_each(|call| self.targets_of(call, &within, &[], targets));
             }
             Some(Meaning::LocalCall) => add(b'P', &Target::Label),
-            Some(Meaning::MacroCall { .. }) => match called_name(line, code.end as usize) {
+            Some(Meaning::MacroCall { .. }) => match self.called_name(line, code.end as usize) {
                 Some((span, name)) => targets.push((span, Target::Program { name, label: None })),
                 None => {
                     add(b'P', &|number| Target::Program { name: ProgramName::Number(number), label: None });
@@ -465,7 +475,7 @@ impl Vocabulary {
             },
             Some(Meaning::Call) => {
                 let label = block.whole(b'Q').map(|(label, _)| label);
-                if let Some((span, name)) = called_name(line, code.end as usize) {
+                if let Some((span, name)) = self.called_name(line, code.end as usize) {
                     return targets.push((span, Target::Program { name, label }));
                 }
                 let digits = block.word(b'P').map_or(0, |word| word.number.integer_digits());
@@ -496,28 +506,10 @@ const fn span(start: usize, end: usize) -> SourceSpan {
     SourceSpan { program: 0, line: 0, column: start as u32 + 1, length: (end - start) as u32 }
 }
 
-/// The name in `< >` that a call has directly behind its code.
-fn called_name(line: &[u8], at: usize) -> Option<(SourceSpan, ProgramName)> {
-    let start = behind_blanks(line, at);
-    let (name, length) = ProgramName::read(line.get(start..)?)?;
-    Some((span(start, start + length), name))
-}
-
 /// `GOTO n` in a statement.
 fn go_to(line: &[u8], from: usize) -> Option<(SourceSpan, Target)> {
     const WORD: &[u8] = b"GOTO";
     let start = from + line[from..].windows(WORD.len()).position(|text| text.eq_ignore_ascii_case(WORD))?;
     let (number, end) = digits(line, start + WORD.len())?;
     Some((span(start, end), Target::Label(number)))
-}
-
-/// Whether a further file is named after a program: `O1000.nc`, `1000`, `rect.ngc`, `SHAFT-2.A`, in any folder and case. `name` is its
-/// number, or its name in lower case.
-#[must_use]
-pub fn is_file_of_program(path: &str, name: &str) -> bool {
-    let file_name = path.rsplit(['/', '\\']).next().unwrap_or(path).to_ascii_lowercase();
-    let stem = file_name.split('.').next().unwrap_or_default();
-    let number = stem.strip_prefix('o').unwrap_or(stem).trim_start_matches('0');
-    let is_number = name.bytes().all(|byte| byte.is_ascii_digit());
-    file_name == name || stem == name || is_number && number == name
 }

@@ -45,12 +45,26 @@ impl ProgramName {
         }
     }
 
-    /// As a file that is named after the program has it: the number without zeros before it, or the name in lower case.
+    /// A subprogram of the O-word language, by its number or its name with or without `< >`.
     #[must_use]
-    pub fn file_stem(&self) -> String {
+    pub fn of_subprogram(name: &str) -> Self {
+        let bare = name.trim_matches(['<', '>']);
+        bare.parse().map_or_else(|_| Self::Text(bare.into()), Self::Number)
+    }
+
+    /// Whether a further file is named after it, in any folder and case: `O1000.nc`, `1000`; `rect.ngc`, `SHAFT-2.A`, `SHAFT-2.A.nc`.
+    #[must_use]
+    pub fn is_of_file(&self, path: &str) -> bool {
+        let file = path.rsplit(['/', '\\']).next().unwrap_or(path).to_ascii_lowercase();
         match self {
-            Self::Number(number) => number.to_string(),
-            Self::Text(name) => name.to_ascii_lowercase(),
+            Self::Number(number) => {
+                let (stem, name) = (file.split('.').next().unwrap_or_default(), number.to_string());
+                stem == name || stem.strip_prefix('o').unwrap_or(stem).trim_start_matches('0') == name
+            }
+            Self::Text(name) => {
+                let is_name = |text: &str| text.eq_ignore_ascii_case(name);
+                is_name(&file) || file.rsplit_once('.').is_some_and(|(stem, _)| is_name(stem))
+            }
         }
     }
 
@@ -89,6 +103,34 @@ mod tests {
         let longer = format!("<{}>", "A".repeat(LONGEST + 1));
         for text in ["", "<>", "<A", "A>", "</A>", "<A B>", "<!--", "<?xml>", &longer] {
             assert_eq!(read(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn files_are_named_after_programs() {
+        let number = ProgramName::Number;
+        let text = |name: &str| ProgramName::Text(name.into());
+        for (path, name) in [
+            ("subs/O1000.nc", number(1_000)),
+            ("1000", number(1_000)),
+            ("a\\o0042.NC", number(42)),
+            ("Rect.ngc", text("rect")),
+            ("SHAFT-2.A", text("Shaft-2.A")),
+            ("SHAFT-2.A.nc", text("SHAFT-2.A")),
+            ("1000.nc", text("1000")),
+            ("7.ngc", ProgramName::of_subprogram("7")),
+            ("rect.ngc", ProgramName::of_subprogram("<rect>")),
+        ] {
+            assert!(name.is_of_file(path), "{path} {name}");
+        }
+        for (path, name) in [
+            ("O10001.nc", number(1_000)),
+            ("O1000.nc", text("1000")),
+            ("O1000.nc", text("o100")),
+            ("offset.nc", text("ffset")),
+            ("PIN.A.nc", text("PIN")),
+        ] {
+            assert!(!name.is_of_file(path), "{path} {name}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use feedwave_contract::convert::MAX_PROGRAM_FILES;
-use feedwave_program::{LanguageSettings, Target, Vocabulary, is_file_of_program};
+use feedwave_program::{LanguageSettings, ProgramName, Target, Vocabulary};
 
 use super::CliError;
 use super::source::Source;
@@ -32,7 +32,7 @@ pub(super) fn keep_called(source: &mut Source) -> Result<(), CliError> {
             if !called.insert(name.clone()) {
                 continue;
             }
-            let files = names.iter().enumerate().filter(|(_, file)| is_file_of_program(file, &name));
+            let files = names.iter().enumerate().filter(|(_, file)| name.is_of_file(file));
             unread.extend(files.filter(|(place, _)| needed.insert(*place)).map(|(place, _)| Some(place)));
         }
         if needed.len() > MAX_PROGRAM_FILES {
@@ -45,13 +45,13 @@ pub(super) fn keep_called(source: &mut Source) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The names that a program calls others by, as files are named after them: numbers, and names without their brackets.
-fn calls(text: &[u8], vocabularies: &[Vocabulary]) -> BTreeSet<String> {
+/// What a program calls others by.
+fn calls(text: &[u8], vocabularies: &[Vocabulary]) -> BTreeSet<ProgramName> {
     let lines = text.split(|byte| matches!(byte, b'\n' | b'\r'));
     let targets = lines.flat_map(|line| vocabularies.iter().flat_map(move |it| it.targets(line)));
     let named = targets.filter_map(|(_, target)| match target {
-        Target::Program { name, .. } => Some(name.file_stem()),
-        Target::Subprogram(name) => Some(name.trim_matches(['<', '>']).to_owned()),
+        Target::Program { name, .. } => Some(name),
+        Target::Subprogram(name) => Some(ProgramName::of_subprogram(&name)),
         Target::Label(_) => None,
     });
     named.collect()
@@ -82,8 +82,9 @@ mod tests {
             [LanguageSettings::mill(), LanguageSettings::linuxcnc()].map(|settings| Vocabulary::new(&settings));
         let text = b"O1\nM98 P1050 L2\nG65 P9001 A1.\r\no<Rect> call [1]\no7 call\nGOTO 10\nM30\n";
         let found = calls(text, &vocabularies);
-        for name in ["1050", "9001", "rect", "7"] {
-            assert!(found.iter().any(|it| it.eq_ignore_ascii_case(name)), "{name}: {found:?}");
+        let rect = ProgramName::Text("rect".into());
+        for name in [ProgramName::Number(1_050), ProgramName::Number(9_001), rect, ProgramName::Number(7)] {
+            assert!(found.contains(&name), "{name}: {found:?}");
         }
     }
 }

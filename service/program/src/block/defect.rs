@@ -1,19 +1,34 @@
 //! What is wrong with a word or with what is between words: errors that leave the block unclear.
 
-use super::{Block, LARGEST_LABEL, LARGEST_NUMBER, Rest};
+use super::{Block, LARGEST_LABEL, LARGEST_NUMBER, Rest, Word};
 use crate::code;
 use crate::dialect::{CodeTable, Group, Meaning, letter_bit};
 use crate::interpreter::System;
 use crate::lexer::{Lexer, REMOVED, Token, TokenKind};
 use crate::lookalike::Stretch;
+use crate::number::Number;
 use crate::{Finding, FindingCode, FindingLog, GCodeSystem, ProgramName};
 
 /// Most bytes of a name of a program in `< >`, and of a call with the spaces behind it.
-const LONGEST_NAME: usize = 40;
+const LONGEST_NAME: usize = 100;
 const LONGEST_CALL: usize = 8;
 
 /// The cure for something inside a word.
 const AGAIN: &str = "write this word again, and check its number: without it, another number would be left";
+
+/// The finding that a text is no name of a program.
+pub(crate) fn no_program_name(mut finding: Finding, text: &[u8], is_haas: bool) -> Finding {
+    let text = quote(text);
+    let number = "give the program a number, such as O1000, and call it by that, such as M98 P1000";
+    if is_haas {
+        finding.message = format!("{text} would be the name of a program, but programs have numbers on this control");
+        return finding.suggest(number);
+    }
+    finding.message = format!("{text} is no name of a program that can stand here");
+    finding.suggest(number).suggest(
+        "or a name of 1 to 32 letters, digits and + - _ . in < >, first in its line, and directly behind M98, G65 or G66",
+    )
+}
 
 /// A word as it is written: its letter and the shortest form of its number.
 fn name(token: Token) -> String {
@@ -178,34 +193,45 @@ impl Block {
         table: &CodeTable,
         system: System<'_>,
     ) -> Option<usize> {
+        let opens = if token.letter == 0 { token.start } else { token.end };
         let begins = self.is_at_start() && token.letter != b'P';
-        let calls = self.code(Group::Subprogram).is_some_and(|code| table.code(code.place).meaning == Meaning::Call);
-        let is_called = token.letter == 0 && calls;
-        if system.settings.is_haas() || self.rest.is_some() || !(begins || is_called) {
+        let is_behind_call = line[..token.start as usize].trim_ascii_end().ends_with(b"98")
+            && self.code(Group::Subprogram).is_some_and(|code| table.code(code.place).meaning == Meaning::Call);
+        let is_called = token.letter == 0 && is_behind_call && self.rest.is_none();
+        if system.settings.is_haas() || !(begins || is_called) {
             return None;
         }
-        let opens = if token.letter == 0 { token.start } else { token.end };
-        let (_, length) = ProgramName::read(&line[opens as usize..])?;
+        let (name, length) = ProgramName::read(&line[opens as usize..])?;
         let end = opens + length as u32;
         self.extent = (self.extent.0.min(token.start), end);
-        self.rest = Some(Rest::Name(opens));
+        if begins {
+            // As the letter O with its number, wherever that may not stand.
+            self.letters |= letter_bit(b'O');
+            self.words[usize::from(b'O' - b'A')] = Word { number: Number::ZERO, start: token.start, end };
+            self.named_program = Some(name.number());
+        } else {
+            self.rest = Some(Rest::CalledName(opens));
+        }
         Some(end as usize)
     }
 
-    /// A program or a call by name; the rest of the line is not read.
+    /// A program or a call by name that is none; the rest of the line is not read.
     #[cold]
-    pub(super) fn report_program_name(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+    pub(super) fn report_program_name(
+        &mut self,
+        line: &[u8],
+        token: Token,
+        system: System<'_>,
+        findings: &mut FindingLog,
+    ) {
         self.extent = (self.extent.0.min(token.start), self.extent.1.max(token.end));
         self.has_failed = true;
         let (start, length) =
             (token.start as usize, line[token.start as usize..].iter().position(|&byte| byte == b'>'));
         let end = start + length.map_or(1, |length| length + 1);
         let token = Token { end: end as u32, ..token };
-        self.defect(code::NUMBER_MISSING, token, findings, |mut finding| {
-            finding.message = format!("{} is no name of a program here", quote(&line[start..end]));
-            finding
-                .suggest("give the program a number, such as O1000, and call it by that, such as M98 P1000")
-                .suggest("on newer FANUC controls: 1 to 32 letters, digits and + - _ . in < >, first in the line or behind M98, G65 or G66")
+        self.defect(code::NUMBER_MISSING, token, findings, |finding| {
+            no_program_name(finding, &line[start..end], system.settings.is_haas())
         });
     }
 

@@ -221,8 +221,10 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
             Some(byte) if byte.is_ascii_alphabetic() => self.function()?,
             _ => return Err(self.malformed("a value is missing here")),
         };
-        match operand {
-            _ if signs == 0 => Ok(operand),
+        if signs == 0 {
+            return Ok(operand);
+        }
+        match self.numbered(operand) {
             Operand::Number(value) => Ok(Operand::Number(if negative { -value } else { value })),
             Operand::Vacant => Ok(Operand::Vacant),
             Operand::Truth(_) => Err(truth(start, self.at)),
@@ -301,7 +303,7 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
             }
             _ => return Err(self.malformed("the number of a parameter is missing here")),
         };
-        let Operand::Number(index) = index else {
+        let Operand::Number(index) = self.numbered(index) else {
             let message = "the number of the parameter is vacant, or a condition";
             return Err(Defect::new(code::PARAMETER_NUMBER, start, self.at, message)
                 .cure("assign the parameter that holds the number before"));

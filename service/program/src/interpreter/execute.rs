@@ -243,7 +243,7 @@ impl Execution<'_> {
     fn numbers(&mut self) {
         let program = self.block.word(b'O').map(|word| word.number.value() as u32);
         self.state.sequence_number = self.block.sequence_number().or(self.state.sequence_number);
-        self.state.program_number = program.or(self.state.program_number);
+        self.state.program_number = self.block.named_program.unwrap_or(program.or(self.state.program_number));
     }
 
     fn units(&mut self) {

@@ -21,15 +21,22 @@ impl Interpreter {
         if !self.state.content_seen {
             return false;
         }
-        let Some(foreign) = foreign::recognise(line, true) else {
+        let Some(foreign) = self.recognise_foreign(line, true) else {
             return false;
         };
-        // `<SHAFT>` alone may be the name of a program, or begin an XML document: what follows tells.
-        if classify(line, self.table.dialect.flow, false).program.is_some() {
-            return false;
-        }
         self.refuse_file(foreign, line.len(), number, operations, findings);
         true
+    }
+
+    /// What the file with this line is, if it is no program; `is_first` while no line before it could be read.
+    pub(super) fn recognise_foreign(&self, line: &[u8], is_first: bool) -> Option<Foreign> {
+        let foreign = foreign::recognise(line, is_first)?;
+        // `<SHAFT>` may be the name of a program as well as begin a document: what follows tells.
+        let may_be_name = foreign == Foreign::XML
+            && !self.settings.is_haas()
+            && !line.windows(2).any(|pair| matches!(pair, b"><" | b"</"))
+            && classify(line, self.table.dialect.flow, false).program.is_some();
+        (!may_be_name).then_some(foreign)
     }
 
     /// Counts what the present block says of the file; whether that is enough to refuse it, which is then reported.
@@ -45,7 +52,7 @@ impl Interpreter {
             evidence.add_row(number, line.len(), fields);
         } else if block.unclear || block.rest.is_some() || block.is_empty() && block.assignments.is_empty() {
             evidence.add(number, line);
-        } else {
+        } else if block.named_program.is_none() || block.word_count() > 1 {
             evidence.add_block(number, line.len(), block.word_count());
         }
         let verdict = evidence.verdict();

@@ -139,21 +139,6 @@ fn words_have_roles() {
 }
 
 #[test]
-fn files_are_named_after_programs() {
-    for (path, name) in [
-        ("subs/O1000.nc", "1000"),
-        ("1000", "1000"),
-        ("a\\o0042.NC", "42"),
-        ("Rect.ngc", "rect"),
-        ("SHAFT-2.A", "shaft-2.a"),
-    ] {
-        assert!(is_file_of_program(path, name), "{path}");
-    }
-    assert!(!is_file_of_program("O10001.nc", "1000"));
-    assert!(!is_file_of_program("offset.nc", "ffset"), "O is of numbers");
-}
-
-#[test]
 fn what_returns_and_ends_no_program_is_called() {
     let (mill, linuxcnc) = (mill(), linuxcnc());
     for (program, settings, called) in [

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use feedwave_program::{Outline, Target, Vocabulary, is_file_of_program};
+use feedwave_program::{Outline, ProgramName, Target, Vocabulary};
 use lsp_server::{ErrorCode, Request, Response};
 use lsp_types::{
     CodeAction, CodeActionKind, CodeActionOrCommand, CodeActionParams, DocumentSymbolResponse, GotoDefinitionResponse,
@@ -166,11 +166,11 @@ fn candidates(target: &Target, setup: &Setup) -> Vec<(String, bool)> {
     let own = (String::new(), false);
     let name = match target {
         Target::Label(_) => return vec![own],
-        Target::Program { name, .. } => name.file_stem(),
-        Target::Subprogram(name) => name.trim_matches(['<', '>']).to_owned(),
+        Target::Program { name, .. } => name.clone(),
+        Target::Subprogram(name) => ProgramName::of_subprogram(name),
     };
     let files = setup.config.programs.iter();
-    let (named, others): (Vec<_>, Vec<_>) = files.cloned().partition(|file| is_file_of_program(file, &name));
+    let (named, others): (Vec<_>, Vec<_>) = files.cloned().partition(|file| name.is_of_file(file));
     let by_number = matches!(target, Target::Program { .. });
     let others = others.into_iter().filter(|_| by_number).map(|file| (file, false));
     std::iter::once(own).chain(named.into_iter().map(|file| (file, true))).chain(others).collect()

@@ -2,7 +2,7 @@
 
 use super::line::skip_blanks;
 use super::{CallKind, CallRequest, CallTarget, Interpreter, Jump, ModalCall, Pending};
-use crate::block::Rest;
+use crate::block::{Rest, no_program_name};
 use crate::code;
 use crate::consequence;
 use crate::dialect::{CodeTable, Flow, Group, Meaning, letter_bit};
@@ -144,16 +144,10 @@ impl Interpreter {
     fn plain_call(&mut self, span: SourceSpan, findings: &mut FindingLog) -> bool {
         let label = self.whole_word(b'Q');
         let times = self.whole_word(b'L');
-        let called = self.called_name.take().filter(|_| matches!(self.block.rest, Some(Rest::Name(_))));
+        let called = self.called_name.take().filter(|_| matches!(self.block.rest, Some(Rest::CalledName(_))));
         let (name, before) = match (called, self.whole_word(b'P')) {
             (Some(name), None) => (name, None),
-            (Some(name), Some(p)) => {
-                findings.push_with(code::WORD_CONFLICT, |code| {
-                    Finding::new(code, span, format!("both {name} and P{p} say which program is called"))
-                        .suggest("keep one of them")
-                });
-                return false;
-            }
+            (Some(name), Some(_)) => return self.called_twice::<()>(&name, span, findings).is_some(),
             (None, Some(p)) => {
                 let digits = self.block.word(b'P').map_or(0, |word| word.number.integer_digits());
                 let has_l = self.block.word(b'L').is_some();
@@ -279,14 +273,8 @@ impl Interpreter {
                 at += token.end as usize;
                 continue;
             }
-            if arguments.name.is_none()
-                && arguments.program.is_none()
-                && !self.settings.is_haas()
-                && let Some((name, length)) = ProgramName::read(&line[at..])
-            {
-                arguments.name = Some(name);
-                seen |= letter_bit(b'P');
-                at += length;
+            if line[at] == b'<' {
+                at = self.argument_name(line, at, seen == 0, &mut arguments, findings)?;
                 continue;
             }
             let letter = line[at].to_ascii_uppercase();
@@ -305,6 +293,7 @@ impl Interpreter {
             let (value, end) = self.value(line, at + 1, findings)?;
             let is_written_whole = token.kind == TokenKind::Word && !token.number.has_point();
             match letter {
+                b'P' if let Some(name) = &arguments.name => return self.called_twice(name, span, findings),
                 b'P' if by_code => return self.bad_statement(span, "P passes no argument to a macro", findings),
                 b'P' => arguments.program = value,
                 b'L' => arguments.repeats = value,
@@ -318,6 +307,39 @@ impl Interpreter {
             }
             at = end;
         }
+    }
+
+    /// The name in `< >` at `at`, directly behind the code of a macro call: where it ends.
+    fn argument_name(
+        &self,
+        line: &[u8],
+        at: usize,
+        is_first: bool,
+        arguments: &mut Arguments,
+        findings: &mut FindingLog,
+    ) -> Option<usize> {
+        let is_haas = self.settings.is_haas();
+        let is_free = is_first && !is_haas && arguments.program.is_none() && arguments.name.is_none();
+        if let Some((name, length)) = ProgramName::read(&line[at..]).filter(|_| is_free) {
+            arguments.name = Some(name);
+            return Some(at + length);
+        }
+        let end = line[at..].iter().position(|&byte| byte == b'>').map_or(line.len(), |length| at + length + 1);
+        let span = self.span_in(line, at, end);
+        findings.push_with(code::NUMBER_MISSING, |code| {
+            no_program_name(Finding::new(code, span, ""), &line[at..end], is_haas)
+        });
+        None
+    }
+
+    /// A call that names its program by a name and by `P`.
+    #[cold]
+    fn called_twice<T>(&self, name: &ProgramName, span: SourceSpan, findings: &mut FindingLog) -> Option<T> {
+        findings.push_with(code::WORD_CONFLICT, |code| {
+            Finding::new(code, span, format!("both {name} and P say which program is called"))
+                .suggest("keep one of them")
+        });
+        None
     }
 
     #[cold]

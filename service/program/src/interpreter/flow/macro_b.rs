@@ -5,6 +5,7 @@ use super::line::{digits, is_blank_or_comment, letters, return_code};
 use super::{Interpreter, Jump, Loop, LoopKind};
 use crate::code;
 use crate::dialect::Flow;
+use crate::lexer::{Lexer, Token, TokenKind};
 use crate::{Finding, FindingLog, Operation, SourceSpan};
 
 /// What a statement leaves of its line.
@@ -114,10 +115,14 @@ impl Interpreter {
     ) -> Option<Left> {
         let (holds, at) = self.condition(line, at, findings)?;
         let (start, end) = letters(line, at);
-        match line[start..end].to_ascii_uppercase().as_slice() {
+        let word = line[start..end].to_ascii_uppercase();
+        match word.as_slice() {
             b"GOTO" if holds => self.goto(line, end, span, findings)?,
             b"GOTO" => {}
-            b"THEN" => return self.then_statement(line, end, holds, span, operations, findings),
+            // A word may follow directly: `THENM30`.
+            [b'T', b'H', b'E', b'N', ..] => {
+                return self.then_statement(line, start + 4, holds, span, operations, findings);
+            }
             b"M" if return_code(line, at).is_some() => {
                 let label = self.label_of_return(line, at, span, findings)?;
                 if holds {
@@ -197,22 +202,54 @@ impl Interpreter {
             }
             return Some(Left::Nothing);
         }
-        let takes_blocks = self.settings.is_haas() && !is_blank_or_comment(line, at);
-        if !takes_blocks && line.get(at) != Some(&b'#') {
-            return self.bad_statement(span, "behind THEN must be one assignment, #1=2, and nothing else", findings);
+        if self.settings.is_haas() {
+            self.check_block_behind_then(line, at, holds, findings)?;
+            return Some(if holds { Left::Block(at) } else { Left::Nothing });
         }
-        match (holds, takes_blocks) {
-            (false, _) => Some(Left::Nothing),
-            (true, true) => Some(Left::Block(at)),
-            (true, false) => {
-                let end = self.assign_at(line, at, operations, findings)?;
-                if !is_blank_or_comment(line, end) {
-                    let message = "behind THEN must be one assignment, #1=2, and nothing else";
-                    return self.bad_statement(span, message, findings);
-                }
-                Some(Left::Nothing)
+        let message = "behind THEN must be one assignment, #1=2, and nothing else";
+        if line.get(at) != Some(&b'#') {
+            return self.bad_statement(span, message, findings);
+        }
+        if holds {
+            let end = self.assign_at(line, at, operations, findings)?;
+            if !is_blank_or_comment(line, end) {
+                return self.bad_statement(span, message, findings);
             }
         }
+        Some(Left::Nothing)
+    }
+
+    /// Refuses what can be no block behind `THEN` of a Haas control; where the condition does not hold, so that nobody reads the block,
+    /// also what is no word.
+    fn check_block_behind_then(&self, line: &[u8], at: usize, holds: bool, findings: &mut FindingLog) -> Option<()> {
+        const WORDS: [TokenKind; 7] = [
+            TokenKind::Word,
+            TokenKind::Computed,
+            TokenKind::Assignment,
+            TokenKind::Corner,
+            TokenKind::ComputedCorner,
+            TokenKind::Output,
+            TokenKind::Comment,
+        ];
+        const STATEMENTS: [TokenKind; 3] = [TokenKind::Statement, TokenKind::Expression, TokenKind::Percent];
+        let is_label = |token: &Token| matches!(token.letter, b'N' | b'O');
+        let is_wrong = |token: &Token| {
+            STATEMENTS.contains(&token.kind) || is_label(token) || !holds && !WORDS.contains(&token.kind)
+        };
+        let mut is_empty = true;
+        for token in Lexer::from(line, at) {
+            is_empty &= token.kind == TokenKind::Comment;
+            if is_wrong(&token) {
+                let span = self.span_in(line, token.start as usize, token.end as usize);
+                let message = "behind THEN may be the words of a block without N and O, assignments, or GOTO alone";
+                return self.bad_statement(span, message, findings);
+            }
+        }
+        if is_empty {
+            let span = self.span_in(line, at.min(line.len()).saturating_sub(4), at);
+            return self.bad_statement(span, "behind THEN is nothing to do", findings);
+        }
+        Some(())
     }
 
     fn while_statement(&mut self, line: &[u8], at: usize, span: SourceSpan, findings: &mut FindingLog) -> Option<()> {

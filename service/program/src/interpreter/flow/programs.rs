@@ -77,8 +77,7 @@ impl Interpreter {
         pending: &Pending,
         findings: &mut FindingLog,
     ) -> Result<Option<Mark>, Progress> {
-        let stem = name.file_stem();
-        let is_named = |file: u32| file > 0 && self.is_file_of(file, &stem);
+        let is_named = |file: u32| file > 0 && self.is_file_of(file, name);
         let files = || (0..=self.programs.len() as u32).filter(|&file| file != own);
         let ranks: [&mut dyn Iterator<Item = u32>; 3] = [
             &mut core::iter::once(own),
@@ -154,14 +153,15 @@ impl Interpreter {
         program.checked_sub(1).map_or("the program", |file| &self.programs[file as usize])
     }
 
-    /// Whether a further file is named after a program: `O1000.nc`, `1000`, `rect.ngc`, in any folder and case.
-    fn is_file_of(&self, file: u32, name: &str) -> bool {
-        crate::outline::is_file_of_program(&self.programs[file as usize - 1], name)
+    /// Whether a further file is named after a program.
+    fn is_file_of(&self, file: u32, name: &ProgramName) -> bool {
+        name.is_of_file(&self.programs[file as usize - 1])
     }
 
     fn find_sub(&self, name: &str, own: u32, pending: &Pending, findings: &mut FindingLog) -> Result<Mark, Progress> {
         let bare = name.trim_matches(['<', '>']);
-        let named = (1..=self.programs.len() as u32).filter(|&file| self.is_file_of(file, bare));
+        let program = ProgramName::of_subprogram(name);
+        let named = (1..=self.programs.len() as u32).filter(|&file| self.is_file_of(file, &program));
         let mut known: Option<Mark> = None;
         for file in core::iter::once(own).chain(core::iter::once(0)).chain(named) {
             if known.is_some_and(|mark| mark.place.program == own || mark.place.program == 0) {

@@ -88,6 +88,7 @@ impl Interpreter {
     ) -> FlowLine {
         let span = self.span_in(line, 0, line.len());
         self.state.flow.asked_before = self.state.flow.asked;
+        self.state.sequence_number = self.block.sequence_number().or(self.state.sequence_number);
         let goes_on = match self.block.rest {
             Some(Rest::Statement(at)) => {
                 self.state.flow.has_decided = true;
@@ -101,17 +102,14 @@ impl Interpreter {
                 Some(goes_on) => goes_on,
                 None => return self.program_begins(span, operations, findings),
             },
-            Some(Rest::Name(at)) => {
-                let name = ProgramName::read(&line[at as usize..]).map(|(name, _)| name);
-                if self.block.code(Group::Subprogram).is_none() {
-                    return self.program_begins(self.block.span(), operations, findings);
+            rest @ (None | Some(Rest::CalledName(_))) => {
+                if let Some(Rest::CalledName(at)) = rest {
+                    self.called_name = ProgramName::read(&line[at as usize..]).map(|(name, _)| name);
                 }
-                self.called_name = name;
-                return FlowLine::Words;
-            }
-            None => {
-                let word = self.block.word(b'O').map_or(span, |word| self.block.word_span(word));
-                return self.program_begins(word, operations, findings);
+                return match self.block.word(b'O') {
+                    Some(word) => self.program_begins(self.block.word_span(word), operations, findings),
+                    None => FlowLine::Words,
+                };
             }
         };
         if self.state.phase == Phase::Start {
@@ -133,8 +131,8 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) -> FlowLine {
         let goes_on = match self.block.rest {
-            Some(Rest::OWord(_)) => FlowLine::Done,
-            _ => FlowLine::Words,
+            None | Some(Rest::CalledName(_)) => FlowLine::Words,
+            Some(_) => FlowLine::Done,
         };
         let is_target = self.state.flow.calls.last().is_some_and(|call| call.target.place == self.state.place);
         if is_target || self.state.phase != Phase::Blocks {
@@ -172,11 +170,6 @@ impl Interpreter {
         let mark = findings.mark();
         self.straight = Straight::Unknown;
         self.parse_block(&alone, &mark, findings);
-        if self.block.percent.is_some() || matches!(self.block.rest, Some(Rest::Statement(_))) {
-            let span = self.span_in(line, from, line.trim_ascii_end().len());
-            self.bad_statement::<()>(span, "behind THEN may be the words of a block, assignments or GOTO", findings);
-            return self.give_up(span, operations, findings);
-        }
         self.execute_line(&alone, &mark, operations, findings);
         // An end on a condition is not the only one: what is behind it is no rest.
         self.state.flow.has_jumped |= self.state.has_ended();

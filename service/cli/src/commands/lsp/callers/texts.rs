@@ -201,7 +201,9 @@ pub(super) fn straight(document: &Document, language: &LanguageSettings) -> Stri
             TokenKind::Computed | TokenKind::LoneLetter | TokenKind::MalformedNumber => token.letter == b'O',
             _ => false,
         });
-        text.push_str(if leads_away { "" } else { line });
+        // A name in < > begins the next program, as an O.
+        let begins = language.dialect != DialectName::LinuxCnc && line.trim_start().starts_with('<');
+        text.push_str(if leads_away || begins { "" } else { line });
         text.push('\n');
     }
     text

@@ -16,11 +16,16 @@ fn a_block_may_stand_behind_then() {
     assert_eq!(haas_xs("G0 X1.\nIF [1 EQ 1] THEN M30\nX9."), [1.0]);
     assert_eq!(haas_xs("IF [1 EQ 1] THEN GOTO 5\nG0 X9.\nN5 X1."), [1.0]);
     assert_eq!(haas_xs("N7 IF [1 EQ 1] THEN (NOW) G0 X1.\nIF [#2 EQ #0] GOTO 8\nGOTO 7\nN8 X2."), [1.0, 2.0]);
-    for program in
-        ["IF [1 EQ 1] THEN", "IF [1 EQ 1] THEN (A)", "IF [1 EQ 1] THEN %", "IF [1 EQ 1] THEN IF [1 EQ 1] THEN X1."]
-    {
-        assert_eq!(codes(&format!("{program}\nM30\n"), &haas_mill()), ["PRG-STATEMENT"], "{program}");
+    assert_eq!(haas_xs("G0 X1.\nIF[1EQ1]THENX2.\nIF [1 EQ 1] THENM30"), [1.0, 2.0]);
+    assert_eq!(haas_xs("N5 G0 X1.\nN7 IF [1 EQ 1] THEN X2.\n#101=#4114\nX#101"), [1.0, 2.0, 7.0]);
+    // What can be no block is refused, whether the condition holds or not.
+    for condition in ["1 EQ 1", "1 EQ 2"] {
+        for rest in ["", "(A)", "%", "IF [1 EQ 1] THEN X1.", "G0 X1. ELSE X2.", "X2. GOTO 5", "N5 G0 X1.", "O5"] {
+            let program = format!("IF [{condition}] THEN {rest}\nM30\n");
+            assert_eq!(codes(&program, &haas_mill()), ["PRG-STATEMENT"], "{program}");
+        }
     }
+    assert_eq!(codes("IF [1 EQ 2] THEN bla ble\nM30\n", &haas_mill()), ["PRG-STATEMENT"]);
     // Which of both comes first is not said.
     assert_eq!(codes("IF [1 EQ 1] THEN #1=7. G0 X#1\nM30\n", &haas_mill()), ["PRG-EXPRESSION-MALFORMED"]);
     assert_eq!(codes("IF [1 EQ 1] THEN 5 G0 X1.\nM30\n", &haas_mill()), ["PRG-NUMBER-STRAY"]);
@@ -81,6 +86,7 @@ fn conditions_are_numbers() {
     assert_eq!(haas_xs("#1=2\n#10=[#1 EQ 2]\n#11=#1 GT 5\nG0 X#10\nX#11\nX[5*[#1 LT 3]+1]"), [1.0, 0.0, 6.0]);
     assert_eq!(haas_xs("#1=2\n#10=[[#1 EQ 2] AND [#1 GT 0]]\nIF [#10] THEN G0 X#10"), [1.0]);
     assert_eq!(haas_xs("#1=1\nWH [#1 LE 3] DO1\nG0 X#1\n#1=#1+1\nEND1\nX9."), [1.0, 2.0, 3.0, 9.0]);
+    assert_eq!(haas_xs("#10=-[2 GT 1]\n#[1 EQ 1]=4\nG0 X#10\nX#1"), [-1.0, 4.0]);
     for (program, code) in [
         // What AND joins is plain with brackets only.
         ("IF [[#1 EQ 2] AND #2 LT 5] GOTO 9\nN9\nM30", "PRG-EXPRESSION-TRUTH"),

@@ -11,12 +11,57 @@ fn a_program_may_have_a_name() {
     let (_, findings) = interpret(b"G0 X1.\n<SECOND>\nX2.\nM30\n", mill());
     let found: Vec<_> = findings.findings().iter().map(|finding| (finding.code, finding.span.line)).collect();
     assert_eq!(found, [(code::NO_END, 2)]);
-    for head in ["<A B>", "O<>", "<>", "G0 X1. <SHAFT>", "N5 <SHAFT>", "M99 <SHAFT>", "O5 <SHAFT>", "M98 P<PIN>"] {
-        let found = mill_codes(&format!("{head}\nM30"));
-        assert_eq!(found.len(), 1, "{head}: {found:?}");
+    let long = "<A-NAME-OF-MORE-THAN-32-CHARACTERS-BY-FAR>";
+    for head in [
+        "<A B>",
+        "O<>",
+        "<>",
+        "G0 X1. <SHAFT>",
+        "N5 <SHAFT>",
+        "M99 <SHAFT>",
+        "O5 <SHAFT>",
+        "M98 P<PIN>",
+        "M98 L2 <PIN>",
+        "G65 <P N>",
+        "G65 A1. <PIN>",
+    ] {
+        assert_eq!(mill_codes(&format!("G0 X0\n{head}\nM30")), ["PRG-NUMBER-MISSING"], "{head}");
+    }
+    for head in [format!("M98 {long}"), format!("O{long}"), format!("G65 {long}")] {
+        assert_eq!(mill_codes(&format!("{head}\nM30")), ["PRG-NUMBER-MISSING"], "{head}");
     }
     // Haas controls and LinuxCNC have numbers.
-    assert_eq!(codes("O<SHAFT>\nG0 X1.\nM30", &haas_mill()), ["PRG-NUMBER-MISSING"]);
+    for head in ["O<SHAFT>", "M98 <SHAFT>", "G65 <SHAFT>"] {
+        assert_eq!(codes(&format!("{head}\nG0 X1.\nM30"), &haas_mill()), ["PRG-NUMBER-MISSING"], "{head}");
+    }
+}
+
+/// A name stands where the letter O with its number stands, and nowhere else.
+#[test]
+fn a_name_begins_a_program_as_a_number_does() {
+    let found = |program: &str| {
+        let (operations, findings) = interpret(program.as_bytes(), mill());
+        let codes: Vec<_> = findings.findings().iter().map(|it| (it.code.name(), it.span.line)).collect();
+        (points(&operations), codes)
+    };
+    for program in [
+        "@ #1=5.\nG0 X#1\nM30\n",
+        "G0 X1.\n@ #1=5.\nX#1\nM30\n",
+        "G0 X1.\n@ M99\nM30\n",
+        "M98 <A>\nX9.\nM30\n<A>\nG0 X1.\n@ M99\n",
+        "G0 X1.\n@ M98\nM30\n",
+        "@ M98 P5\nM30\nO5\nG0 X1.\nM99\n",
+        "@ M98 <A>\nM30\n<A>\nG0 X1.\nM99\n",
+        "G0 X1.\n@ G65 P5\nM30\nO5\nX7.\nM99\n",
+        "G0 X1.\n@ IF [1 EQ 1] GOTO 5\nN5 X2.\nM30\n",
+        "@ G0 X1.\nX2.\nM30\n",
+        "@ G0 X\nG0 X1. Y2.\nM30\n",
+    ] {
+        assert_eq!(found(&program.replace('@', "<MAIN>")), found(&program.replace('@', "O8")), "{program}");
+        assert_eq!(found(&program.replace('@', "O<MAIN>")), found(&program.replace('@', "O8")), "{program}");
+    }
+    assert_eq!(mill_xs("<O0012>\n#101=#4115\nG0 X#101"), [12.0]);
+    assert_eq!(mill_codes("<SHAFT>\n#101=#4115\nM30"), ["PRG-PARAMETER-UNAVAILABLE"]);
 }
 
 #[test]
@@ -33,7 +78,7 @@ fn programs_are_called_by_their_names() {
     for (program, code) in [
         ("M98 <PIN>\nM30", "PRG-SUBPROGRAM-MISSING"),
         ("M98 <PIN> P5\nM30\n<PIN>\nM99\nO5\nM99", "PRG-WORD-CONFLICT"),
-        ("G65 <PIN> P5\nM30\n<PIN>\nM99\nO5\nM99", "PRG-WORD-DUPLICATE"),
+        ("G65 <PIN> P5\nM30\n<PIN>\nM99\nO5\nM99", "PRG-WORD-CONFLICT"),
         ("M98 <PIN> L0\nM30\n<PIN>\nM99", "PRG-WORD-CONFLICT"),
         ("M98 <PIN>\nM30\n<PIN>\nM99\n<PIN>\nM99", "PRG-JUMP-TARGET"),
         ("M98 <PIN>\nM30\n<PIN>\nG0 X1.\n<NEXT>\nM99", "PRG-SUBPROGRAM-END"),
