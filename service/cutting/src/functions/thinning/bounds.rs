@@ -124,6 +124,7 @@ impl Tree {
 
     /// The first point of `from..to` that `stops`, where `passes` says of a run's bounds (given with the place of its first
     /// point and its length) that none of its points does. `looks` counts the questions.
+    #[inline(always)]
     pub(super) fn first(
         &self,
         (from, to): (usize, usize),

@@ -57,6 +57,7 @@ impl Between {
         GreatCircle::new(start.direction, end.direction).map_or(Self::Opposite, Self::Circle)
     }
 
+    #[inline(always)]
     fn at(&self, share: f64) -> Option<Vec3> {
         match self {
             Self::Circle(circle) => Some(circle.at(share)),
@@ -102,6 +103,7 @@ impl Group<'_> {
     }
 
     /// Condition 1: the first point whose direction is not within the angle tolerance of the start's, or the last one.
+    #[inline(always)]
     fn reach(&self, start: usize, looks: &mut u64) -> usize {
         let from = self.points[start].direction;
         let limit = self.limits.chord;
@@ -113,6 +115,7 @@ impl Group<'_> {
     }
 
     /// Condition 2, and the optional one on the interpolated direction: the first point between two that breaks it.
+    #[inline(always)]
     fn first_too_far(&self, start: usize, end: usize, looks: &mut u64) -> Option<usize> {
         let segment = self.segment(start, end);
         let limit = self.limits.distance_mm;
