@@ -74,14 +74,22 @@ fn batch(sequence: u64, length: u64, options: &Options) -> TelemetryBatch {
     }
 }
 
-/// Sends batches at their pace and waits for the decisions; how long each took from the sending of its batch.
+/// How long a decision took.
+#[derive(Clone, Copy, Debug)]
+pub struct Latency {
+    /// When the batch that caused it was sent.
+    pub sent: Instant,
+    pub received: Instant,
+}
+
+/// Sends batches at their pace and waits for the decisions.
 pub async fn run(
     mut client: TelemetryClient<Channel>,
     job: String,
     number: u64,
     batch_ms: u64,
     options: Options,
-) -> Vec<Duration> {
+) -> Vec<Latency> {
     // Never full: a machine does not wait for the service.
     let (requests, messages) = mpsc::unbounded_channel();
     let send = |message| requests.send(IngestRequest { message: Some(message) }).expect("a service that listens");
@@ -112,7 +120,7 @@ pub async fn run(
             if let Some(Message::Decision(decision)) = response.message {
                 let sample = (decision.sensor_time_ns - FIRST_NS) * options.rate_hz / 1_000_000_000;
                 let sent = sent.lock().expect("whole")[(sample / length) as usize];
-                latencies.push(received - sent);
+                latencies.push(Latency { sent, received });
             }
         }
         latencies

@@ -13,11 +13,14 @@
 //! measured without and with them, one after the other. They stand for other hosts, so they have the processor after all others:
 //! what they take from the machines is what the service does for them.
 //!
+//! Each figure is given twice: of all decisions, and of those during which the computer was as fast as usual (`host.rs`).
+//!
 //! The bar is 5 ms for 99 of 100 decisions on two cores, clients included; on a larger machine run it under
 //! `taskset -c 0,1`. `cargo bench -p feedwave --bench decisions -- --help` has the settings.
 
 mod commits;
 mod echo;
+mod host;
 mod lookers;
 mod machine;
 
@@ -34,6 +37,9 @@ use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{CreateJobRequest, JobState, SetMonitoringRequest, WatchJobsRequest};
 use tempfile::TempDir;
 use tonic::transport::Channel;
+
+use self::host::Watch;
+use self::machine::Latency;
 
 /// What 99 of 100 decisions have to keep to.
 const BAR: Duration = Duration::from_millis(5);
@@ -165,15 +171,37 @@ async fn prepare(url: &str, options: &Options) -> Vec<(TelemetryClient<Channel>,
     machines
 }
 
-/// Drives all machines; how long each decision took, ascending.
-async fn drive(machines: Vec<(TelemetryClient<Channel>, String)>, batch_ms: u64, options: &Options) -> Vec<Duration> {
+/// How long decisions took, each ascending.
+#[derive(Default)]
+struct Latencies {
+    all: Vec<Duration>,
+    /// While the computer was as fast as usual.
+    undisturbed: Vec<Duration>,
+}
+
+impl Latencies {
+    fn add(&mut self, other: &Self) {
+        self.all.extend(&other.all);
+        self.undisturbed.extend(&other.undisturbed);
+        self.all.sort();
+        self.undisturbed.sort();
+    }
+}
+
+/// Drives all machines.
+async fn drive(machines: Vec<(TelemetryClient<Channel>, String)>, batch_ms: u64, options: &Options) -> Latencies {
+    let watch = Watch::start();
     let mut tasks = tokio::task::JoinSet::new();
     for (number, (client, job)) in (0..).zip(machines) {
         tasks.spawn(machine::run(client, job, number, batch_ms, options.clone()));
     }
-    let mut latencies = tasks.join_all().await.concat();
-    latencies.sort();
-    latencies
+    let latencies = tasks.join_all().await.concat();
+    let ascending = |latencies: &[Latency]| {
+        let mut durations: Vec<_> = latencies.iter().map(|latency| latency.received - latency.sent).collect();
+        durations.sort();
+        durations
+    };
+    Latencies { all: ascending(&latencies), undisturbed: ascending(&watch.undisturbed(&latencies)) }
 }
 
 fn show(what: &str, latencies: &[Duration], besides: &str) {
@@ -182,6 +210,12 @@ fn show(what: &str, latencies: &[Duration], besides: &str) {
         latencies.get(index).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3)
     };
     println!("{what:<22}{:>8}{:>10.3}{:>10.3}{:>10.3}  {besides}", latencies.len(), at(0.5), at(0.99), at(1.0));
+}
+
+/// Of all decisions, then of those that the computer did its usual speed for.
+fn show_both(what: &str, latencies: &Latencies, besides: &str) {
+    show(what, &latencies.all, besides);
+    show("    at usual speed", &latencies.undisturbed, "");
 }
 
 async fn compare(options: &Options) {
@@ -209,16 +243,26 @@ async fn compare(options: &Options) {
             machines.push((client, "jobs/bare".to_owned()));
         }
         let bare = drive(machines, batch_ms, options).await;
-        show("  bare stream", &bare, &cores(&process, options));
+        show_both("  bare stream", &bare, &cores(&process, options));
         drop(process);
 
         let Served { process, url, .. } = serve_service(folder.path(), &format!("service-{round}"), options);
         let machines = prepare(&url, options).await;
         let decisions = drive(machines, batch_ms, options).await;
-        show("  decisions", &decisions, &cores(&process, options));
-        let kept = decisions.iter().filter(|latency| **latency <= BAR).count();
-        println!("  {:.2} % of the decisions within {BAR:?}", 100.0 * kept as f64 / decisions.len() as f64);
+        show_both("  decisions", &decisions, &cores(&process, options));
+        let kept = decisions.all.iter().filter(|latency| **latency <= BAR).count();
+        println!("  {:.2} % of the decisions within {BAR:?}", 100.0 * kept as f64 / decisions.all.len() as f64);
     }
+}
+
+/// Starts those who look on. Linux runs an idle process only where nobody else wants the processor, whereas one of low
+/// priority is not interrupted at once; without its `chrt` they have the lowest priority.
+fn look_from_elsewhere(http: &str, lookers: u64) -> Process {
+    let this = std::env::current_exe().expect("a path");
+    let start = |command: &mut Command| command.args(["--look", http, "--lookers", &lookers.to_string()]).spawn();
+    let started =
+        start(Command::new("chrt").args(["--idle", "0"]).arg(&this)).or_else(|_| start(&mut Command::new(&this)));
+    Process(started.expect("those who look on start"))
 }
 
 /// Measures the service without and with those who look on, again and again.
@@ -232,23 +276,19 @@ async fn compare_looked_at(options: &Options) {
     println!("{:<22}{:>8}{:>10}{:>10}{:>10}", "", "number", "median", "99 %", "largest");
     for &batch_ms in &options.batch_ms {
         println!("batches of {batch_ms} ms");
-        let mut all: [Vec<Duration>; 2] = Default::default();
+        let mut all: [Latencies; 2] = Default::default();
         for round in 0..options.rounds {
             // Whoever is second is so in every other round.
             let order = if round % 2 == 0 { [false, true] } else { [true, false] };
             for is_looked_at in order {
                 let name = format!("service-{batch_ms}-{round}-{is_looked_at}");
                 let Served { process, url, http } = serve_service(folder.path(), &name, options);
-                let _lookers = is_looked_at.then(|| {
-                    let mut command = Command::new(std::env::current_exe().expect("a path"));
-                    command.args(["--look", &http, "--lookers", &options.lookers.to_string()]);
-                    Process(command.spawn().expect("those who look on start"))
-                });
+                let _lookers = is_looked_at.then(|| look_from_elsewhere(&http, options.lookers));
                 let machines = prepare(&url, options).await;
                 let decisions = drive(machines, batch_ms, options).await;
                 let what = if is_looked_at { "  looked at" } else { "  alone" };
                 let shown = floor_seconds(&http) / options.machines as f64 / options.seconds as f64;
-                show(
+                show_both(
                     what,
                     &decisions,
                     &format!(
@@ -257,12 +297,11 @@ async fn compare_looked_at(options: &Options) {
                         100.0 * shown
                     ),
                 );
-                all[usize::from(is_looked_at)].extend(decisions);
+                all[usize::from(is_looked_at)].add(&decisions);
             }
         }
-        for (what, latencies) in ["  alone, all rounds", "  looked at, all rounds"].into_iter().zip(&mut all) {
-            latencies.sort();
-            show(what, latencies, "");
+        for (what, latencies) in ["  alone, all rounds", "  looked at, all rounds"].into_iter().zip(&all) {
+            show_both(what, latencies, "");
         }
     }
 }
