@@ -3,6 +3,7 @@
 mod clients;
 mod connection;
 mod frames;
+mod giving_way;
 mod listener;
 mod refusal;
 mod request;

@@ -24,6 +24,7 @@ use tower::{Service, ServiceExt as _};
 
 use super::clients::{ClientKey, Clients, Held, Resource};
 use super::connection::{Connection, Due, Heard};
+use super::giving_way::GivingWay;
 use super::refusal;
 use super::tls::{PeerCertificate, Tls};
 use crate::cut_off::CutOff;
@@ -60,6 +61,8 @@ pub(crate) struct Port {
     pub(crate) linger: Duration,
     /// While it is, clients are to connect anew: a balancer may lead them elsewhere.
     pub(crate) cut_off: CutOff,
+    /// Whether its connections let every other thread go first ([`GivingWay`]).
+    pub(crate) gives_way: bool,
 }
 
 /// The same for all connections of a port.
@@ -119,7 +122,12 @@ impl Port {
                     Ok((stream, peer)) => {
                         failures.pause = ACCEPT_PAUSE.0;
                         let shared = shared.clone();
-                        connections.spawn(async move { shared.accepted(stream, peer).await });
+                        let connection = async move { shared.accepted(stream, peer).await };
+                        if self.gives_way {
+                            connections.spawn(GivingWay(Box::pin(connection)));
+                        } else {
+                            connections.spawn(connection);
+                        }
                     }
                     Err(error) if is_of_one_connection(&error) => {}
                     Err(error) => {

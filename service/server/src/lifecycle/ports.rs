@@ -142,12 +142,17 @@ impl Listeners {
             linger: config.limits.drain(),
             // Onlookers are shown that it is.
             cut_off: CutOff::default(),
+            gives_way: true,
         };
         let ((grpc, grpc_addr), (http, http_addr)) = (self.grpc, self.http);
         let mtconnect_addr = self.mtconnect.as_ref().map(|(_, address)| *address);
         let mtconnect = self.mtconnect.zip(apps.mtconnect);
         let mtconnect = mtconnect.map(|((listener, _), app)| port("mtconnect", listener, app, None));
-        let grpc = Port { cut_off: apps.cut_off, ..port("grpc", grpc, apps.grpc, certificates.grpc.as_ref()) };
+        let grpc = Port {
+            cut_off: apps.cut_off,
+            gives_way: false,
+            ..port("grpc", grpc, apps.grpc, certificates.grpc.as_ref())
+        };
         let http = port("http", http, apps.http, certificates.http.as_ref());
         Ports {
             grpc_addr,
