@@ -95,6 +95,11 @@ impl Evidence {
         self.looks[TextKind::Table as usize] += 1;
     }
 
+    /// A line that is not read, such as a title.
+    pub(crate) const fn add_comment(&mut self) {
+        self.has_comments = true;
+    }
+
     /// A line that could not be read, that is a statement or a comment, or behind the place where the program was given up.
     pub(crate) fn add(&mut self, number: u32, line: &[u8]) {
         if let Some(fields) = fields(line) {

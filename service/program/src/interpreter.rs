@@ -290,6 +290,9 @@ impl Interpreter {
         if !self.state.content_seen && self.is_foreign_start(line, number, operations, findings) {
             return;
         }
+        if self.may_be_title(line) && self.is_title(line, number, findings) {
+            return;
+        }
         let mark = findings.mark();
         if !self.state.coords.tables.assigned.is_empty() && !self.apply_assigned(operations, findings) {
             return;
@@ -314,7 +317,11 @@ impl Interpreter {
                 if !self.block.is_empty() {
                     self.push_trailing(self.block.span(), findings);
                 }
-                return self.end(span, operations, findings);
+                // Behind it nothing of a called program can follow.
+                if !self.ends_called_file(operations, findings) {
+                    self.end(span, operations, findings);
+                }
+                return;
             }
             self.state.percent_seen = true;
         }

@@ -32,6 +32,7 @@ mod reader;
 mod settings;
 mod source;
 mod state;
+mod title;
 mod tool_table;
 
 pub use axis::{AXIS_COUNT, Axis, Plane, Position, straight_length};

@@ -305,6 +305,11 @@ impl LanguageSettings {
         self.initial_motion.or(self.is_haas().then_some(InitialMotion::Rapid))
     }
 
+    /// Whether the control skips what stands behind the `%` that begins a file, to the end of the line.
+    pub(crate) fn skips_titles(&self) -> bool {
+        self.dialect != DialectName::LinuxCnc && !self.is_haas()
+    }
+
     /// Whether the control is one of Haas, as far as the settings say so. Haas lathes have system A: others may have their drilling cycles.
     pub(crate) fn is_haas(&self) -> bool {
         let may_be = match self.dialect {

@@ -140,6 +140,14 @@ crate::finding_codes! {
         example: lathe("G0 X10"),
     }
 
+    "PRG-TITLE-WORDS" [TITLE_WORDS: Error] {
+        meaning: "words behind the % that begins the file",
+        cause: "FANUC controls skip what stands between the first % and the end of its line: a title, or words that would not be \
+                carried out. LinuxCNC refuses it.",
+        cure: "Write the words in the line below, and a title in ( ).",
+        example: lathe("%G20\nG0 X10\nM30\n%"),
+    }
+
     "PRG-TRAILING" [TRAILING: Warning] {
         meaning: "text after the end of the program, which is not read",
         cause: "Two programs in one file, subprograms behind the main program, or notes of the post.",

@@ -1,11 +1,13 @@
 //! Where a program begins and ends: files that are none, the end, and what is behind it.
 
 use super::{Interpreter, angle, classify, corner};
+use crate::block::quote;
 use crate::code;
 use crate::evidence;
 use crate::foreign::{self, Foreign};
 use crate::lexer::{Lexer, TokenKind};
 use crate::state::Phase;
+use crate::title::Title;
 use crate::{Finding, FindingLog, Operation, OperationKind, SourceSpan};
 
 impl Interpreter {
@@ -25,6 +27,40 @@ impl Interpreter {
             return false;
         };
         self.refuse_file(foreign, line.len(), number, operations, findings);
+        true
+    }
+
+    /// Whether the line begins with the `%` that begins a file.
+    #[inline]
+    pub(super) fn may_be_title(&self, line: &[u8]) -> bool {
+        self.state.phase == Phase::Start && !self.state.percent_seen && line.trim_ascii_start().starts_with(b"%")
+    }
+
+    /// Whether what stands behind the first `%` is not read: the title of the file, or words that are no part of a program,
+    /// which is then reported.
+    #[cold]
+    pub(super) fn is_title(&mut self, line: &[u8], number: u32, findings: &mut FindingLog) -> bool {
+        match Title::of(line, self.settings.skips_titles()) {
+            Title::None | Title::Unclear => return false,
+            Title::Skipped => self.state.evidence.add_comment(),
+            Title::Words(from) => {
+                self.state.evidence.add(number, line);
+                let words = line[from as usize..].trim_ascii_end();
+                let (program, length) = (self.state.place.program, words.len() as u32);
+                let span = SourceSpan { program, line: number, column: from + 1, length };
+                findings.push_with(code::TITLE_WORDS, |code| {
+                    let words = quote(words);
+                    let message = format!(
+                        "{words} stands behind the % that begins the file: some controls skip the rest of this line, \
+                         others refuse it"
+                    );
+                    Finding::new(code, span, message)
+                        .suggest("write these words in the line below")
+                        .suggest("write a title in ( )")
+                });
+            }
+        }
+        self.state.percent_seen = true;
         true
     }
 

@@ -6,7 +6,9 @@ use std::collections::HashMap;
 use super::line::{self, Statement};
 use super::{Found, Mark};
 use crate::dialect::Flow;
+use crate::interpreter::BYTE_ORDER_MARK;
 use crate::lookalike::Stretch;
+use crate::title::Title;
 use crate::{LanguageSettings, ProgramName};
 
 /// Most labels and statements that are kept of one program, so that its index stays within a few tens of megabytes.
@@ -41,6 +43,8 @@ pub(in crate::interpreter) struct Control {
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::interpreter) struct Index {
     program: u32,
+    /// Where the blocks of the file begin: behind the `%` of its first line.
+    pub(super) blocks: Mark,
     /// Ascending; the first begins with the file.
     pub(in crate::interpreter) sections: Vec<Section>,
     /// `N` with the line that has it, ascending by number and then by place.
@@ -201,6 +205,9 @@ pub(in crate::interpreter) struct Indexer {
     longest: usize,
     /// The line here is longer: nothing of it counts.
     skipping: bool,
+    /// A line with something in it was read.
+    has_content: bool,
+    skips_titles: bool,
 }
 
 impl Indexer {
@@ -209,6 +216,7 @@ impl Indexer {
         let whole = Section { name: None, start: at, end: u64::MAX };
         let index = Index {
             program,
+            blocks: at,
             sections: vec![whole],
             labels: Vec::new(),
             controls: Vec::new(),
@@ -216,7 +224,16 @@ impl Indexer {
             is_cut: false,
         };
         let longest = settings.max_line_bytes as usize;
-        Self { index, flow, at, block_delete: settings.block_delete, longest, skipping: false }
+        Self {
+            index,
+            flow,
+            at,
+            block_delete: settings.block_delete,
+            longest,
+            skipping: false,
+            has_content: false,
+            skips_titles: settings.skips_titles(),
+        }
     }
 
     /// Where the next bytes begin that it needs.
@@ -258,6 +275,9 @@ impl Indexer {
         let start = self.at;
         self.at.place.offset += whole as u64;
         self.at.lines += 1;
+        if !self.has_content {
+            self.begin(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text));
+        }
         let found = line::classify(text, self.flow, self.block_delete);
         if let Some(stretch) = found.unread
             && self.index.unread.len() < MAX_UNREAD
@@ -281,6 +301,15 @@ impl Indexer {
         }
         if let Some((what, name)) = found.statement {
             self.index.controls.push(Control { start, behind: self.at, what, name: name.into(), next_of_name: 0 });
+        }
+    }
+
+    /// Looks for the `%` that begins the file in front of everything else. The line here is the one behind.
+    fn begin(&mut self, text: &[u8]) {
+        let text = text.trim_ascii();
+        self.has_content = !text.is_empty();
+        if text.starts_with(b"%") && matches!(Title::of(text, self.skips_titles), Title::None | Title::Skipped) {
+            self.index.blocks = self.at;
         }
     }
 

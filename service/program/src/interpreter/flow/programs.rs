@@ -105,10 +105,11 @@ impl Interpreter {
         match (by_name.next(), by_name.next()) {
             (Some(first), Some(second)) => Err(self.ambiguous_program(name, [first, second], pending, findings)),
             (Some(known), None) => {
-                let sections = self.index(known.place.program).map(|index| index.sections.iter());
+                let index = self.index(known.place.program);
+                let sections = index.map(|index| index.sections.iter());
                 match sections.into_iter().flatten().find_map(|section| section.name.as_ref()) {
                     Some(other) => Err(self.renamed_file(name, other, known, pending, findings)),
-                    None => Ok(Some(known)),
+                    None => Ok(index.map(|index| index.blocks)),
                 }
             }
             (None, _) => Ok(None),

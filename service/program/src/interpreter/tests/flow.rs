@@ -290,6 +290,25 @@ fn further_files_are_found_by_name_and_by_number() {
     let (found, wrong) = with_files(&programs, &["subs/O1000.nc", "library.nc"]);
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert_eq!(found, [(0, 1, 1.0), (1, 2, 2.0), (2, 5, 3.0), (0, 4, 4.0)]);
+    // With titles, and one without a number of its own.
+    let programs = [
+        "%MAIN\nM98 P1000\nM98 P2000\nM30\n%\n",
+        "%FIRST SUB\nO1000\nG0 X2\nM99\n%\n",
+        "\n%SECOND SUB\nG0 X3\nM99\n%\n",
+    ];
+    let (found, wrong) = with_files(&programs, &["O1000.nc", "O2000.nc"]);
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert_eq!(found, [(1, 3, 2.0), (2, 3, 3.0)]);
+}
+
+/// Behind the closing `%` nothing can follow: what called the program would be cut off without a word.
+#[test]
+fn a_called_program_is_not_ended_by_the_end_of_its_file() {
+    for sub in ["O1000\nG0 X2\n%\n", "G0 X2\n%\n", "%\nG0 X2\n%\n", "%TITLE\nG0 X2\n", "%G20\nG0 X2\nM99\n%\n"] {
+        let (_, wrong) = with_files(&["M98 P1000\nX4\nM30\n", sub], &["O1000.nc"]);
+        let codes: Vec<_> = wrong.iter().map(|finding| finding.code.name()).collect();
+        assert!(codes.contains(&"PRG-SUBPROGRAM-END"), "{sub:?}: {wrong:#?}");
+    }
 }
 
 /// A dump of a control's memory has its programs by number: a subprogram may come first.

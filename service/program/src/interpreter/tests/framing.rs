@@ -29,6 +29,29 @@ fn line_ends_and_byte_order_mark() {
 }
 
 #[test]
+fn titles() {
+    let expected = "rapid 0 -> X1\nend";
+    for title in
+        ["TITLE", " PART 5", "1234 (PART)", "PART-5 REV.A X20", "<SHAFT>", "T", "(TITLE)", "O12", " N1 O12", "\u{e4}"]
+    {
+        for before in ["", "\n", "  ", "(FIRST)\n", "\u{feff}"] {
+            let program = format!("{before}%{title}\nG0 X1\nM30\n%\n");
+            assert_eq!(render(&program, &mill()), expected, "{program:?}");
+        }
+    }
+    // Words that the control would skip.
+    assert_eq!(render("%G20\nG0 X1\nM30\n%", &mill()), "rapid 0 -> X1\nend\n! 1:2+3 PRG-TITLE-WORDS");
+    assert_eq!(render("% O1 X5\nG0 X1\nM30\n%", &mill()), "rapid 0 -> X1\nend\n! 1:6+2 PRG-TITLE-WORDS");
+    assert_eq!(render("%#1=5\nG0 X1\nM30\n%", &mill()), "rapid 0 -> X1\nend\n! 1:2+4 PRG-TITLE-WORDS");
+    // Other controls are not known to skip anything.
+    assert_eq!(render("%TITLE\nG0 X1\nM30\n%", &linuxcnc()), "rapid 0 -> X1\nend\n! 1:2+5 PRG-TEXT");
+    assert_eq!(render("%TITLE G0 X1 M30", &mill()), "end\n! 1:2+5 PRG-TEXT");
+    // A file with nothing but titles is no program, and only the first % begins one.
+    assert_eq!(render("%TITLE\n%\n", &mill()), "end\n! 1:1+0 PRG-NOT-A-PROGRAM");
+    assert!(render("%TITLE\nG0 X1\n%TITLE\n", &mill()).starts_with("rapid 0 -> X1\nend\n"));
+}
+
+#[test]
 fn ways_to_end() {
     assert_eq!(render("", &mill()), "end\n! 1:1+0 PRG-NOT-A-PROGRAM");
     assert_eq!(render("G0 X1\n\n", &mill()), "rapid 0 -> X1\nend\nw 1:6+0 PRG-NO-END");
