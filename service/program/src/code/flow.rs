@@ -36,7 +36,7 @@ crate::finding_codes! {
 
     "PRG-SUBPROGRAM-END" [SUBPROGRAM_END: Error] {
         meaning: "a called program that does not return to its caller",
-        cause: "The file, or the next program in it, begins before `M99` or `endsub`.",
+        cause: "The file ends, its closing `%` comes, or the next program in it begins before `M99` or `endsub`.",
         cure: "End the called program with `M99`, or with `endsub` where it began with `sub`.",
         example: mill("M98 P1000\nM30\nO1000\nG4 P100"),
     }
