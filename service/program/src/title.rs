@@ -12,7 +12,8 @@ pub(crate) enum Title {
     None,
     /// Text that is no block. FANUC controls skip it to the end of the line.
     Skipped,
-    /// Text that other controls are not known to skip, or a whole program that has lost its line ends.
+    /// Text that other controls are not known to skip, the number of a program for another control, or a whole program that has
+    /// lost its line ends.
     Unclear,
     /// Words from this column on, counted from 0. Controls that skip a title do not carry them out; others refuse them.
     Words(u32),
@@ -23,6 +24,10 @@ impl Title {
     pub(crate) fn of(line: &[u8], skips: bool) -> Self {
         let is_nothing = |kind| matches!(kind, TokenKind::Percent | TokenKind::Comment | TokenKind::Nul);
         let behind = || Lexer::new(line).skip(1);
+        // A number names the program of NUM and other controls, whose language is another one.
+        if behind().next().is_some_and(|token| token.kind == TokenKind::StrayNumber) {
+            return Self::Unclear;
+        }
         if behind().any(|token| is_text(token.kind)) {
             let is_other =
                 |token: &Token| !is_text(token.kind) && !matches!(token.kind, TokenKind::Comment | TokenKind::Nul);

@@ -8,8 +8,12 @@ const HEIDENHAIN: Foreign = foreign("a program for a HEIDENHAIN control", POST);
 /// Programs of other controls.
 pub(super) fn recognise(line: &[u8]) -> Option<Foreign> {
     let text = line.trim_ascii();
-    if starts_with(text, b"%_N_") || starts_with(text, b";$PATH=") {
+    let siemens: [&[u8]; 4] = [b"%_N_", b";$PATH=", b"%MPF", b"%SPF"];
+    if siemens.iter().any(|start| starts_with(text, start)) {
         return Some(SIEMENS);
+    }
+    if is_fagor_head(text) {
+        return Some(foreign("a program for a FAGOR control", POST));
     }
     if text.is_empty() {
         return None;
@@ -38,6 +42,18 @@ pub(super) fn recognise(line: &[u8]) -> Option<Foreign> {
         .iter()
         .any(|word| starts_with(text, word))
         .then_some(foreign("cutter location data (APT) of a CAM system", POST))
+}
+
+/// Most characters of the comment that a FAGOR program begins with.
+const FAGOR_COMMENT: usize = 20;
+
+/// `%COMMENT,MX`: a comment, and what may be done with the program (manual of the 8055, "Format of the program").
+fn is_fagor_head(text: &[u8]) -> bool {
+    let Some(head) = text.strip_prefix(b"%") else { return false };
+    let mut parts = head.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
+    let comment = parts.next().is_some_and(|comment| comment.len() <= FAGOR_COMMENT && !comment.contains(&b'('));
+    let permissions = parts.next().is_some_and(|it| !it.is_empty() && it.iter().all(|byte| b"MXHO".contains(byte)));
+    comment && permissions
 }
 
 /// A block without its block delete and its number, with or without `N`.

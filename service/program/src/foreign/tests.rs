@@ -59,6 +59,8 @@ fn wide_characters() {
 fn programs_of_other_controls() {
     for line in [
         "%_N_WELLE_MPF",
+        "%MPF123",
+        "%SPF10",
         ";$PATH=/_N_WKS_DIR",
         "N10 G0 X=R1 Z5",
         "G3 X10 Y5 CR=5",
@@ -104,6 +106,12 @@ fn programs_of_other_controls() {
     }
     is("PARTNO/HOUSING", "APT");
     is("$TEST.MIN%", "OKUMA");
+    for line in ["%SHAFT,MX,", "%FLANGE 12, MX", "%,HMXO"] {
+        is(line, "FAGOR");
+    }
+    for line in ["%SHAFT, REV B", "%SHAFT", "%SHAFT,"] {
+        assert_eq!(recognise(line.as_bytes(), true), None, "{line}");
+    }
 }
 
 #[test]

@@ -32,7 +32,7 @@ fn line_ends_and_byte_order_mark() {
 fn titles() {
     let expected = "rapid 0 -> X1\nend";
     for title in
-        ["TITLE", " PART 5", "1234 (PART)", "PART-5 REV.A X20", "<SHAFT>", "T", "(TITLE)", "O12", " N1 O12", "\u{e4}"]
+        ["TITLE", " PART 5", "SHAFT, REV B", "PART-5 REV.A X20", "<SHAFT>", "T", "(TITLE)", "O12", " N1 O12", "\u{e4}"]
     {
         for before in ["", "\n", "  ", "(FIRST)\n", "\u{feff}"] {
             let program = format!("{before}%{title}\nG0 X1\nM30\n%\n");
@@ -43,7 +43,8 @@ fn titles() {
     assert_eq!(render("%G20\nG0 X1\nM30\n%", &mill()), "rapid 0 -> X1\nend\n! 1:2+3 PRG-TITLE-WORDS");
     assert_eq!(render("% O1 X5\nG0 X1\nM30\n%", &mill()), "rapid 0 -> X1\nend\n! 1:6+2 PRG-TITLE-WORDS");
     assert_eq!(render("%#1=5\nG0 X1\nM30\n%", &mill()), "rapid 0 -> X1\nend\n! 1:2+4 PRG-TITLE-WORDS");
-    // Other controls are not known to skip anything.
+    // Other controls are not known to skip anything, or have such numbers.
+    assert_eq!(render("%1234 (PART)\nG0 X1\nM30\n%", &mill()), "rapid 0 -> X1\nend\n! 1:2+4 PRG-NUMBER-STRAY");
     assert_eq!(render("%TITLE\nG0 X1\nM30\n%", &linuxcnc()), "rapid 0 -> X1\nend\n! 1:2+5 PRG-TEXT");
     assert_eq!(render("%TITLE G0 X1 M30", &mill()), "end\n! 1:2+5 PRG-TEXT");
     // A file with nothing but titles is no program, and only the first % begins one.
