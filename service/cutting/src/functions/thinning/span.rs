@@ -57,6 +57,7 @@ impl Between {
         GreatCircle::new(start.direction, end.direction).map_or(Self::Opposite, Self::Circle)
     }
 
+    // Asked of every point, as are the two below and `Tree::first`: calls cost thinning 5 to 9 % more instructions.
     #[inline(always)]
     fn at(&self, share: f64) -> Option<Vec3> {
         match self {
