@@ -275,7 +275,7 @@ impl Interpreter {
     #[inline]
     fn line(&mut self, mut line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         // Nothing can be in front of the first line, so that later ones need one comparison only.
-        if self.state.lines == 0 && !self.state.content_seen {
+        if self.state.lines == 0 && self.state.first_line == 0 {
             line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
         }
         self.state.lines = self.state.lines.saturating_add(1);
@@ -287,7 +287,7 @@ impl Interpreter {
         if self.state.has_ended() {
             return self.report_trailing(line, number, findings);
         }
-        if !self.state.content_seen && self.is_foreign_start(line, number, operations, findings) {
+        if self.state.first_line == 0 && self.is_foreign_start(line, number, operations, findings) {
             return;
         }
         if self.may_be_title(line) && self.is_title(line, number, findings) {
@@ -313,6 +313,9 @@ impl Interpreter {
             return;
         }
         if let Some(span) = self.block.percent {
+            if self.table.dialect.is_linuxcnc && !findings.has_grown_since(mark) {
+                self.check_percent(line, span, findings);
+            }
             if self.state.percent_seen || self.state.phase != Phase::Start {
                 if !self.block.is_empty() {
                     self.push_trailing(self.block.span(), findings);

@@ -41,8 +41,8 @@ pub struct InterpreterState {
     /// Bytes of the last line with anything in it, up to the blanks at its end, and how many blank lines follow it.
     pub(crate) last_line_bytes: u32,
     pub(crate) blank_lines: u32,
-    /// A line with content was examined.
-    pub(crate) content_seen: bool,
+    /// The first line with anything in it; 0 before.
+    pub(crate) first_line: u32,
     /// Whether it reads as a program.
     pub(crate) evidence: Evidence,
     /// Letters of modal words that could not be read and have not been since, one bit each.
@@ -404,7 +404,7 @@ impl InterpreterState {
             after_return: false,
             last_line_bytes: 0,
             blank_lines: 0,
-            content_seen: false,
+            first_line: 0,
             evidence: Evidence::default(),
             unread: 0,
             percent_seen: false,

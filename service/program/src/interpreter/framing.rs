@@ -19,10 +19,10 @@ impl Interpreter {
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
     ) -> bool {
-        self.state.content_seen = line.iter().any(|byte| !byte.is_ascii_whitespace());
-        if !self.state.content_seen {
+        if line.iter().all(u8::is_ascii_whitespace) {
             return false;
         }
+        self.state.first_line = number;
         let Some(foreign) = self.recognise_foreign(line, true) else {
             return false;
         };
@@ -62,6 +62,28 @@ impl Interpreter {
         }
         self.state.percent_seen = true;
         true
+    }
+
+    /// Reports a `%` where LinuxCNC reads none: it stands alone in the first line with something in it, and then in the last.
+    #[cold]
+    pub(super) fn check_percent(&self, line: &[u8], span: SourceSpan, findings: &mut FindingLog) {
+        let is_first = self.state.first_line == span.line;
+        let cures: &[&str] = if !is_first && !self.state.percent_seen {
+            if self.state.phase == Phase::Start {
+                &["move % to the first line of the file, alone"]
+            } else {
+                &["write M2 in its place", "write % alone in the first line of the file too"]
+            }
+        } else if line.trim_ascii() != b"%" {
+            &["write % alone on its line"]
+        } else {
+            return;
+        };
+        findings.push_with(code::CHARACTER, |code| {
+            let message = "LinuxCNC reads % alone in the first line of a file, and then alone in its last line";
+            let finding = Finding::new(code, span, message);
+            cures.iter().fold(finding, |finding, cure| finding.suggest(*cure))
+        });
     }
 
     /// What the file with this line is, if it is no program; `is_first` while no line before it could be read.

@@ -20,6 +20,28 @@ fn a_program_has_an_end() {
     }
 }
 
+/// What rs274 calls `Bad character '%' used`.
+#[test]
+fn a_percent_frames_the_file_alone() {
+    for program in ["%\nG0 X1\n%", " \n % \r\nG0 X1\n\t%\t\n", "G0 X1\nM2\n%\n", "(c)\nG0 X1\nM2\n% (end)"] {
+        assert_eq!(render(program, &linuxcnc()), "rapid 0 -> X1\nend", "{program}");
+    }
+    for (program, place, cured) in [
+        ("% (title)\nG0 X1\nM2", "1:1", "%\n(title)\nG0 X1\nM2"),
+        ("%;c\nG0 X1\nM2", "1:1", "%\n;c\nG0 X1\nM2"),
+        ("%n5\nG0 X1\nM2", "1:1", "%\nn5\nG0 X1\nM2"),
+        ("(c)\n%\nG0 X1\nM2", "2:1", "%\n(c)\nG0 X1\nM2"),
+        ("(c)\n%(d)\nG0 X1\nM2", "2:1", "%\n(c)\n(d)\nG0 X1\nM2"),
+        ("G0 X1\n%", "2:1", "G0 X1\nM2"),
+        ("G0 X1\n %(d)", "2:2", "%\nG0 X1\n%"),
+        ("%\nG0 X1\n%(d)", "3:1", "%\nG0 X1\n%\n(d)"),
+    ] {
+        assert_eq!(render(program, &linuxcnc()), format!("rapid 0 -> X1\nend\n! {place}+1 PRG-CHARACTER"), "{program}");
+        assert_eq!(render(cured, &linuxcnc()), "rapid 0 -> X1\nend", "{cured}");
+        assert_eq!(render(program, &mill()), "rapid 0 -> X1\nend", "{program}");
+    }
+}
+
 #[test]
 fn a_line_number_is_the_first_word() {
     let moved = "rapid 0 -> X1";

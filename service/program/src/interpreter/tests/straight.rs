@@ -100,6 +100,7 @@ proptest! {
         let (single, single_findings, mut single_state) = read(&text(" (-)"), &settings);
         // Lengths of lines, and whether there are comments, are what the texts differ in.
         single_state.evidence = run_state.evidence.clone();
+        single_state.first_line = run_state.first_line;
         prop_assert_eq!(run, single);
         prop_assert_eq!(run_findings.findings(), single_findings.findings());
         prop_assert_eq!(run_state, single_state);
