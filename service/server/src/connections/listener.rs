@@ -15,7 +15,7 @@ use hyper_util::server::conn::auto::Builder;
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
@@ -81,6 +81,14 @@ struct Shared {
     killed: CancellationToken,
 }
 
+/// What a connection that was accepted takes up.
+enum Place {
+    /// It is served.
+    Served(Held),
+    /// It is told why not.
+    Refused(Error, OwnedSemaphorePermit),
+}
+
 impl Port {
     /// Serves until `closing` is cancelled, then until every connection has ended. Where the future is dropped, all of
     /// them end at once.
@@ -121,8 +129,9 @@ impl Port {
                 match accepted {
                     Ok((stream, peer)) => {
                         failures.pause = ACCEPT_PAUSE.0;
+                        let Some(place) = shared.place(peer) else { continue };
                         let shared = shared.clone();
-                        let connection = async move { shared.accepted(stream, peer).await };
+                        let connection = async move { shared.accepted(stream, peer, place).await };
                         if self.gives_way {
                             connections.spawn(GivingWay(Box::pin(connection)));
                         } else {
@@ -179,28 +188,40 @@ impl Failures {
 }
 
 impl Shared {
-    async fn accepted(&self, stream: TcpStream, peer: SocketAddr) {
+    /// The place of a connection that was accepted; none where it is closed without a word. It is taken before the task of the
+    /// connection runs: however late that is on a busy machine, no more descriptors are in use than there are places.
+    fn place(&self, peer: SocketAddr) -> Option<Place> {
+        match self.clients.take(&ClientKey::of_address(peer.ip()), Resource::Connection) {
+            Ok(held) => Some(Place::Served(held)),
+            Err(error) => {
+                let refusal = self.refusals.clone().try_acquire_owned().ok()?;
+                Some(Place::Refused(error, refusal))
+            }
+        }
+    }
+
+    async fn accepted(&self, stream: TcpStream, peer: SocketAddr, place: Place) {
         let _ = stream.set_nodelay(true);
         let stream = Lingering::new(stream, self.linger);
         tokio::select! {
             () = self.killed.cancelled() => {}
-            () = self.admit(stream, peer) => {}
+            () = self.admit(stream, peer, place) => {}
         }
     }
 
     /// Serves a connection for which there is a place, and tells others why there is none.
-    async fn admit(&self, stream: Lingering, peer: SocketAddr) {
-        let address = ClientKey::of_address(peer.ip());
-        match self.clients.take(&address, Resource::Connection) {
-            Ok(place) => match &self.tls {
-                None => self.serve(stream, peer, address, None, place).await,
-                Some(tls) => match timeout(self.clients.limits().header_timeout(), tls.accept(stream)).await {
-                    Ok(Ok((stream, certificate))) => self.secured(stream, peer, certificate, place).await,
-                    Ok(Err(error)) => tracing::debug!(port = self.name, %peer, %error, "no handshake"),
-                    Err(_) => self.clients.metrics().closed("handshake_timeout"),
-                },
-            },
-            Err(error) => self.refuse(stream, error).await,
+    async fn admit(&self, stream: Lingering, peer: SocketAddr, place: Place) {
+        let held = match place {
+            Place::Served(held) => held,
+            Place::Refused(error, _refusal) => return self.refuse(stream, error).await,
+        };
+        let Some(tls) = &self.tls else {
+            return self.serve(stream, peer, ClientKey::of_address(peer.ip()), None, held).await;
+        };
+        match timeout(self.clients.limits().header_timeout(), tls.accept(stream)).await {
+            Ok(Ok((stream, certificate))) => self.secured(stream, peer, certificate, held).await,
+            Ok(Err(error)) => tracing::debug!(port = self.name, %peer, %error, "no handshake"),
+            Err(_) => self.clients.metrics().closed("handshake_timeout"),
         }
     }
 
@@ -293,9 +314,8 @@ impl Shared {
         }
     }
 
-    /// Says why a connection is not served, as long as not too many are told the same.
+    /// Says why a connection is not served.
     async fn refuse(&self, stream: Lingering, error: Error) {
-        let Ok(_place) = self.refusals.try_acquire() else { return };
         match &self.tls {
             None => self.tell(stream, error).await,
             Some(tls) => {
@@ -337,4 +357,50 @@ where
     B::Error: Into<axum::BoxError>,
 {
     BoxCloneSyncService::new(service.map_response(|response: Response<B>| response.map(Body::new)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::task::{Context, Waker};
+
+    use tokio::runtime::Handle;
+
+    use super::*;
+    use crate::config::ConnectionLimits;
+    use crate::observability::metrics::Metrics;
+
+    const SERVED: usize = 5;
+    const REFUSED: usize = 2;
+
+    #[tokio::test]
+    async fn places_are_taken_before_connections_are_looked_at() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let limits = ConnectionLimits { total: SERVED, ..ConnectionLimits::default() };
+        let clients = Clients::new(limits, Metrics::new().connections);
+        let refusals = Arc::new(Semaphore::new(REFUSED));
+        let port = Port {
+            name: "http",
+            listener,
+            app: app(tower::service_fn(|_| std::future::ready(Ok(Response::new(Body::empty()))))),
+            tls: None,
+            clients: clients.clone(),
+            refusals: refusals.clone(),
+            streams_per_connection: 1,
+            linger: Duration::ZERO,
+            cut_off: CutOff::default(),
+            gives_way: true,
+        };
+        let _waiting: Vec<_> = (0..40).map(|_| std::net::TcpStream::connect(address).unwrap()).collect();
+        let mut serving = pin!(port.serve(CancellationToken::new()));
+        // Nothing but this lets tasks run: what is accepted in one step is not looked at before the next.
+        while clients.metrics().held(Resource::Connection).get() == 0 {
+            assert!(serving.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_pending());
+            let open = Handle::current().metrics().num_alive_tasks();
+            assert!(open <= SERVED + REFUSED, "{open} connections are open");
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(clients.metrics().held(Resource::Connection).get(), SERVED as i64);
+        assert_eq!(refusals.available_permits(), 0);
+    }
 }

@@ -182,8 +182,7 @@ struct Descriptors {
 }
 
 impl Descriptors {
-    /// The store's readers, its writer and its log, three files each, the runtimes, files that are read anew, connections to others, and
-    /// sockets that were accepted and not looked at yet.
+    /// The store's readers, its writer and its log, three files each, the runtimes, files that are read anew, and connections to others.
     const OTHERS: usize = 96;
     /// More need not be told at the same time.
     const MOST_REFUSED: usize = 64;
