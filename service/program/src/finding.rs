@@ -221,10 +221,11 @@ impl Finding {
         self.suggestions.iter_mut().for_each(|suggestion| suggestion.replacement = None);
     }
 
-    /// Names the calls that led to its place, innermost first.
+    /// Names the calls that led to its place, innermost first; its place itself may be one.
     pub(crate) fn called_from(&mut self, calls: impl Iterator<Item = SourceSpan>) {
+        let place = self.span;
         let call = |span| RelatedPlace { message: "called from here".into(), span, is_call: true };
-        self.related.extend(calls.map(call));
+        self.related.extend(calls.filter(|call| *call != place).map(call));
     }
 
     /// Adds a number that led to the finding.

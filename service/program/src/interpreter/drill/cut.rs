@@ -128,14 +128,19 @@ impl Execution<'_> {
         let reported = &mut self.state.drilling.default_reported[usize::from(!to_r)];
         if !std::mem::replace(reported, true) {
             let span = self.block.span();
+            let (kind, value, number) = if self.settings.is_haas() {
+                ("setting", "haas_setting", 22.0)
+            } else {
+                ("parameter", "fanuc_parameter", parameter)
+            };
             self.findings.push_with(code::CYCLE_DEFAULT, |code| {
                 let message = format!(
                     "the machine profile does not state language.drilling.{setting}: {FANUC_RETRACT_MM} mm is taken"
                 );
                 Finding::new(code, span, message)
                     .with_value("retract", FANUC_RETRACT_MM, "mm")
-                    .with_value("fanuc_parameter", parameter, "")
-                    .suggest(format!("set {setting} to the value of parameter {parameter} of the control"))
+                    .with_value(value, number, "")
+                    .suggest(format!("set {setting} to the value of {kind} {number} of the control"))
             });
         }
         FANUC_RETRACT_MM

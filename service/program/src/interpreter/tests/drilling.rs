@@ -84,6 +84,12 @@ fn worked_example_2_peck_drilling() {
     check(&stated(), program, &expected("-2", "-7"));
     // Nobody says how far: 1 mm, with an info.
     check(&mill(), program, &format!("{}\ni 2:1+30 PRG-CYCLE-DEFAULT", expected("-2", "-7")));
+    let haas = with(DrillingSettings { style: DrillingStyle::Haas, ..DrillingSettings::default() });
+    for (settings, where_it_is) in [(mill(), "parameter 5115 of"), (haas, "setting 22 of")] {
+        let findings = interpret(program.as_bytes(), settings).1;
+        let default = findings.findings().iter().find(|finding| finding.code.name() == "PRG-CYCLE-DEFAULT").unwrap();
+        assert!(default.suggestions[0].message.contains(where_it_is), "{default:?}");
+    }
 }
 
 #[test]
