@@ -15,6 +15,7 @@ mod bezier;
 mod fit;
 mod five_axis;
 mod polynomial;
+mod spiral;
 mod spline;
 mod turning;
 
@@ -51,7 +52,7 @@ pub struct Element {
 pub enum Curve {
     /// Straight.
     Line,
-    /// Circular in a plane; every other axis moves in proportion.
+    /// Circular in a plane; every other axis moves in proportion to the angle.
     Arc(Arc),
     /// Free in X, Y and Z; every other axis moves in proportion to the arc length.
     Spline(Box<Spline>),
@@ -73,18 +74,16 @@ impl Element {
             }
             (None, _) => (Curve::Line, straight_length(&mv.start, &mv.end)),
             (Some(geometry), _) => {
-                let arc = Arc::new(geometry, &mv.start, &mv.end);
-                let mean_radius_mm = 0.5 * (arc.start_radius_mm + arc.end_radius_mm);
-                let radial_mm = arc.end_radius_mm - arc.start_radius_mm;
-                let mut square = (mean_radius_mm * arc.sweep_rad) * (mean_radius_mm * arc.sweep_rad);
-                square += radial_mm * radial_mm;
+                let mut arc = Arc::new(geometry, &mv.start, &mv.end);
+                let mut beside_square = 0.0;
                 for axis in Axis::ALL {
                     if !axis.is_rotary() && axis != arc.first && axis != arc.second {
                         let delta = mv.end[axis.index()] - mv.start[axis.index()];
-                        square += delta * delta;
+                        beside_square += delta * delta;
                     }
                 }
-                (Curve::Arc(arc), square.sqrt())
+                let length_mm = arc.measure(beside_square);
+                (Curve::Arc(arc), length_mm)
             }
         };
         (length > 0.0 && length.is_finite()).then_some(Self {
@@ -168,6 +167,13 @@ impl Element {
     /// When `out` is shorter than `s`.
     pub fn fill_axis(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
         let out = &mut out[..s.len()];
+        match self.spiral() {
+            None => self.fill_axis_evenly(axis, s, out),
+            Some(arc) => self.for_evened(arc, s, out, |even, out| self.fill_axis_evenly(axis, even, out)),
+        }
+    }
+
+    fn fill_axis_evenly(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
         let start = self.start[axis.index()];
         let end = self.end[axis.index()];
         let per_length = 1.0 / self.length;
@@ -288,6 +294,16 @@ impl Element {
     /// When `out` is shorter than `s`.
     pub fn fill_tangent(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
         let out = &mut out[..s.len()];
+        let Some(arc) = self.spiral() else { return self.fill_tangent_evenly(axis, s, out) };
+        self.for_evened(arc, s, out, |even, out| {
+            self.fill_tangent_evenly(axis, even, out);
+            for (out, even) in out.iter_mut().zip(even) {
+                *out *= arc.evenness(even.clamp(0.0, self.length) / self.length, self.length)[0];
+            }
+        });
+    }
+
+    fn fill_tangent_evenly(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
         let per_length = 1.0 / self.length;
         let arc = match &self.curve {
             Curve::Arc(arc) if axis == arc.first || axis == arc.second => arc,
@@ -318,24 +334,15 @@ impl Element {
     #[must_use]
     pub fn second_derivative(&self, s: f64) -> Position {
         let mut second = [0.0; AXIS_COUNT];
-        if let Curve::Spline(spline) = &self.curve {
-            second[..3].copy_from_slice(&spline.second_derivative(s));
-        }
-        if let Curve::FiveAxis(five_axis) = &self.curve {
-            for (place, axis) in five_axis.axes().iter().enumerate() {
-                second[axis.index()] = five_axis.second_derivative(place, s);
+        match &self.curve {
+            Curve::Line => {}
+            Curve::Spline(spline) => second[..3].copy_from_slice(&spline.second_derivative(s)),
+            Curve::FiveAxis(five_axis) => {
+                for (place, axis) in five_axis.axes().iter().enumerate() {
+                    second[axis.index()] = five_axis.second_derivative(place, s);
+                }
             }
-        }
-        if let Curve::Arc(arc) = &self.curve {
-            let share = s.clamp(0.0, self.length) / self.length;
-            let (sin, cos) = libm::sincos(arc.start_angle_rad + arc.sweep_rad * share);
-            let turn = arc.sweep_rad / self.length;
-            let outwards = (arc.end_radius_mm - arc.start_radius_mm) / self.length;
-            // In polar form r·e with e' = turn·e⊥: r″ = 0 leaves −r·turn²·e + 2·r'·turn·e⊥.
-            let inwards = arc.radius_mm(share) * turn * turn;
-            let across = 2.0 * outwards * turn;
-            second[arc.first.index()] = -inwards * cos - across * sin;
-            second[arc.second.index()] = -inwards * sin + across * cos;
+            Curve::Arc(_) => second = self.derivatives(s)[1],
         }
         second
     }
@@ -362,7 +369,7 @@ impl Element {
                 }
             }
             Curve::Arc(arc) => {
-                let share = s.clamp(0.0, self.length) * per_length;
+                let share = arc.sweep_share(s.clamp(0.0, self.length) * per_length);
                 let (sin, cos) = libm::sincos(arc.start_angle_rad + arc.sweep_rad * share);
                 let turn = arc.sweep_rad * per_length;
                 let outwards = (arc.end_radius_mm - arc.start_radius_mm) * per_length;
@@ -372,6 +379,16 @@ impl Element {
                     first[axis] = outwards * out + radius_mm * turn * across;
                     second[axis] = 2.0 * outwards * turn * across - radius_mm * turn * turn * out;
                     third[axis] = -turn * turn * (3.0 * outwards * out + radius_mm * turn * across);
+                }
+                if arc.is_spiral() {
+                    // Of what is evenly turned, by the arc length.
+                    let [slope, bend, change] = arc.evenness(share, self.length);
+                    for axis in 0..AXIS_COUNT {
+                        let even = [first[axis], second[axis], third[axis]];
+                        first[axis] = even[0] * slope;
+                        second[axis] = even[1] * slope * slope + even[0] * bend;
+                        third[axis] = even[2] * slope * slope * slope + 3.0 * even[1] * slope * bend + even[0] * change;
+                    }
                 }
             }
         }
@@ -392,8 +409,8 @@ impl Element {
         match &self.curve {
             Curve::Line | Curve::FiveAxis(_) => 0.0,
             Curve::Arc(arc) => {
-                let per_length = arc.sweep_rad / self.length;
-                // κ = r·(dθ/ds)², largest where r is.
+                let per_length = arc.fastest_turn(self.length);
+                // κ = r·(dθ/ds)², at most that of the largest r at the fastest turn.
                 arc.largest_radius_mm() * per_length * per_length
             }
             Curve::Spline(spline) => spline.curvature(),
@@ -413,15 +430,16 @@ impl Element {
             }
         }
         if let Curve::Arc(arc) = &self.curve {
-            let at_end = self.tangent(self.length);
-            let per_length = 1.0 / self.length;
-            let along = arc.largest_radius_mm() * (arc.sweep_rad * per_length).abs();
-            let outwards = (arc.end_radius_mm - arc.start_radius_mm).abs() * per_length;
+            // Beside the plane an axis goes evenly, on a spiral fastest at one of the ends.
+            for (value, at_end) in largest.iter_mut().zip(self.tangent(self.length)) {
+                *value = value.max(at_end.abs());
+            }
+            let along = arc.most_along(self.length);
+            let outwards = arc.most_outwards(self.length);
             let quarter = TAU / 4.0;
             // The first axis moves fastest where the arc passes the second axis' direction, and vice versa.
             for (axis, passing) in [(arc.first, [quarter, -quarter]), (arc.second, [0.0, 2.0 * quarter])] {
                 let value = &mut largest[axis.index()];
-                *value = value.max(at_end[axis.index()].abs());
                 if passing.iter().any(|&angle_rad| arc.passes(angle_rad)) {
                     *value = along + outwards;
                 }

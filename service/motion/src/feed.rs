@@ -169,7 +169,7 @@ fn next_turn(element: &Element, s: f64) -> f64 {
             // Measured from the direction of +X the axis moves with the cosine.
             let (center, direction_rad) =
                 if arc.first == Axis::X { (arc.center[0], 0.0) } else { (arc.center[1], TAU / 4.0) };
-            let now_rad = arc.start_angle_rad + arc.sweep_rad * (s / element.length) - direction_rad;
+            let now_rad = arc.start_angle_rad + arc.sweep_rad * (element.evened(s) / element.length) - direction_rad;
             // Not a number, and thus never the smallest, where the circle does not reach X0.
             let zero_rad = libm::acos(-center / arc.start_radius_mm);
             let ahead_rad = [0.0, 0.5 * TAU, zero_rad, -zero_rad]
@@ -180,7 +180,8 @@ fn next_turn(element: &Element, s: f64) -> f64 {
                 })
                 .into_iter()
                 .fold(TAU, f64::min);
-            s + ahead_rad / arc.sweep_rad.abs() * element.length
+            let share = element.evened(s) / element.length + ahead_rad / arc.sweep_rad.abs();
+            arc.length_share(share) * element.length
         }
         Curve::Spline(spline) => next_turn_of_spline(element, spline.piece_count(), s),
         Curve::FiveAxis(five_axis) => next_turn_of_spline(element, five_axis.piece_count(), s),

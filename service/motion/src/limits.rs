@@ -13,11 +13,12 @@
 //! squares of the two parts: giving them the shares 0.8 and 0.6 of a limit keeps the axis within it in every
 //! direction of the circle. A superposed motion along the path (a vibration) simply adds to v, a and j.
 //!
-//! The radius of an inexact arc changes by ρ per length; with w radians per length and the largest radius R, its
-//! derivatives by length are bounded by K₁ = R·w + |ρ|, K₂ = w·(R·w + 2·|ρ|) and K₃ = w²·(R·w + 3·|ρ|), which are used
-//! in place of |τ|, κ and κ². The two parts are then not quite orthogonal, but their product, at most
-//! 2·a·v²·|ρ|·R·w² (and likewise for the jerk), is less than what the sums in K₁, K₂ and K₃ exceed the roots of the
-//! sums of squares by.
+//! The radius of an inexact arc changes by ρ per length, and it turns by w per length, which changes as the radius does: with e the
+//! length that would have been travelled evenly, |e″/e′| ≤ w·|ρ| and e‴/e′ = 3·(e″/e′)². With the largest share R·w along the circle
+//! its derivatives by length are bounded by K₁ = R·w + |ρ|, K₂ = w·(R·w + 2·|ρ|) + w·|ρ| and
+//! K₃ = w²·(R·w + 3·|ρ|) + 3·w·|ρ|·w·(R·w + 2·|ρ|) + 3·w²·ρ² ≤ w²·(R·w + 12·|ρ|), which are used in place of |τ|, κ and κ². The two
+//! parts are then not quite orthogonal, but their product is less than what the sums exceed the roots of the sums of squares by. An
+//! axis beside its plane has e″ and e‴ times its own share of the path: a tenth of its limits is kept for that.
 
 use core::fmt;
 
@@ -177,21 +178,47 @@ pub fn path_limits(element: &Element, machine: &Machine, superposed: PathMotion)
             )?);
         }
     }
+    let beside = || machine.axes.iter().filter(|axis| !is_in_plane(element, axis.axis));
+    let mut unevenness = [0.0; 2];
     if let Curve::Arc(arc) = &element.curve {
         limit_on_arc(&mut limits, arc, element, machine, superposed)?;
+        unevenness = arc.unevenness(element.length);
     }
-    for axis in &machine.axes {
+    // On a spiral the axes beside its plane do not go evenly along the path either; a tenth of each limit is enough for that.
+    for axis in beside() {
+        let [bend, change] = unevenness.map(|by_length| by_length * largest[axis.axis.index()]);
+        let (acceleration, jerk) = (UNEVEN_SHARE * axis.max_acceleration_per_s2, UNEVEN_SHARE * axis.max_jerk_per_s3);
+        let path_speed = (acceleration / bend).sqrt().min(libm::cbrt(jerk / change));
+        if path_speed.is_finite() {
+            let left = rest(axis.axis, Quantity::Velocity, path_speed, 1.0, superposed.velocity)?;
+            limits.velocity = limits.velocity.min(left);
+        }
+    }
+    let speed = limits.velocity + superposed.velocity;
+    for axis in beside() {
         let share = largest[axis.axis.index()];
-        if share > 0.0 && !is_in_plane(element, axis.axis) {
-            let acceleration =
-                rest(axis.axis, Quantity::Acceleration, axis.max_acceleration_per_s2, share, superposed.acceleration)?;
-            let jerk = rest(axis.axis, Quantity::Jerk, axis.max_jerk_per_s3, share, superposed.jerk)?;
-            limits.acceleration = limits.acceleration.min(acceleration);
-            limits.jerk = limits.jerk.min(jerk);
+        if share > 0.0 {
+            let [bend, change] = unevenness.map(|by_length| if by_length > 0.0 { by_length * share } else { 0.0 });
+            let [uneven_acceleration, uneven_jerk] =
+                if bend > 0.0 { [speed * speed * bend, speed * speed * speed * change] } else { [0.0; 2] };
+            let acceleration = axis.max_acceleration_per_s2 - uneven_acceleration;
+            let left = rest(axis.axis, Quantity::Acceleration, acceleration, share, superposed.acceleration)?;
+            limits.acceleration = limits.acceleration.min(left);
+            if bend > 0.0 {
+                let most = UNEVEN_SHARE * axis.max_jerk_per_s3 / (3.0 * speed * bend);
+                let left = rest(axis.axis, Quantity::Acceleration, most, 1.0, superposed.acceleration)?;
+                limits.acceleration = limits.acceleration.min(left);
+            }
+            let turned = 3.0 * speed * (limits.acceleration + superposed.acceleration) * bend;
+            let jerk = axis.max_jerk_per_s3 - uneven_jerk - if bend > 0.0 { turned } else { 0.0 };
+            limits.jerk = limits.jerk.min(rest(axis.axis, Quantity::Jerk, jerk, share, superposed.jerk)?);
         }
     }
     Ok(limits)
 }
+
+/// What of the limits of an axis beside the plane of a spiral may go into its going unevenly along the path.
+const UNEVEN_SHARE: f64 = 0.1;
 
 fn limit_on_arc(
     limits: &mut PathLimits,
@@ -210,13 +237,12 @@ fn limit_on_arc(
     };
     let acceleration = slowest.max_acceleration_per_s2;
     let jerk = softest.max_jerk_per_s3;
-    let turn = arc.sweep_rad.abs() / element.length;
-    let outwards = (arc.end_radius_mm - arc.start_radius_mm).abs() / element.length;
-    let along = arc.start_radius_mm.max(arc.end_radius_mm) * turn;
-    // Bounds of the first three derivatives in the plane by length.
+    let turn = arc.fastest_turn(element.length);
+    let (along, outwards) = (arc.most_along(element.length), arc.most_outwards(element.length));
+    // Bounds of the first three derivatives in the plane by length; what turns unevenly adds to them as it goes outwards.
     let first = along + outwards;
-    let second = turn * (along + 2.0 * outwards);
-    let third = turn * turn * (along + 3.0 * outwards);
+    let second = turn * (along + 3.0 * outwards);
+    let third = turn * turn * (along + 12.0 * outwards);
 
     let centripetal = (CENTRIPETAL_SHARE * acceleration / second).sqrt();
     let turning = libm::cbrt(TURNING_JERK_SHARE * TANGENT_JERK_SHARE * jerk / third);

@@ -157,7 +157,41 @@ proptest! {
         prop_assert!((near_end[0] - end[0]).abs() < 1e-9 && (near_end[1] - end[1]).abs() < 1e-9);
         let middle = element.position(share * element.length);
         let found = middle[0].hypot(middle[1]);
-        prop_assert!((found - (radius + error * share)).abs() < 1e-9);
+        // The radius changes evenly with the angle.
+        let angle = middle[1].atan2(middle[0]).rem_euclid(TAU);
+        prop_assert!((found - (radius + error * angle / sweep)).abs() < 1e-9);
+    }
+
+    /// Where elements meet, a step of the length that is travelled would be one of the velocity.
+    #[test]
+    fn a_spiral_is_travelled_by_its_length(
+        radius in 0.5..50.0_f64, error in -0.02..0.02_f64, sweep in 0.1..TAU, share in 0.0..1.0_f64,
+        rise in prop_oneof![Just(0.0), -20.0..20.0_f64],
+    ) {
+        let end_radius = radius + error;
+        let arc = ArcGeometry { plane: Plane::Xy, center: [0.0, 0.0], clockwise: false, sweep_rad: sweep };
+        let end = position(end_radius * sweep.cos(), end_radius * sweep.sin(), rise);
+        let element = element(position(radius, 0.0, 0.0), end, Some(arc));
+        let uneven = (error / radius).powi(2) / 4.0;
+        for (s, slack) in [(0.0, 1e-12), (element.length, 1e-12), (share * element.length, uneven + 1e-12)] {
+            let slope = element.tangent(s).iter().map(|by_length| by_length * by_length).sum::<f64>().sqrt();
+            prop_assert!((slope - 1.0).abs() <= slack, "{slope} at {s}");
+        }
+        let (s, step) = (element.length * (0.1 + 0.8 * share), 1e-4 * element.length);
+        let at = |steps: f64| element.derivatives(s + steps * step);
+        let (before, here, behind) = (at(-1.0), at(0.0), at(1.0));
+        for order in 0..2 {
+            for axis in 0..3 {
+                let measured = (behind[order][axis] - before[order][axis]) / (2.0 * step);
+                let scale = 1.0 + here[2].iter().fold(0.0_f64, |most, value| most.max(value.abs())) * element.length.powi(2);
+                prop_assert!((measured - here[order + 1][axis]).abs() <= 1e-4 * scale, "{order} {axis}");
+            }
+        }
+        let travelled = (0..2_000).map(|k| {
+            let [from, to] = [k, k + 1].map(|k| element.position(element.length * f64::from(k) / 2_000.0));
+            (0..3).map(|axis| (to[axis] - from[axis]).powi(2)).sum::<f64>().sqrt()
+        });
+        prop_assert!((travelled.sum::<f64>() / element.length - 1.0).abs() <= 1e-6 + uneven);
     }
 }
 

@@ -25,7 +25,12 @@ pub struct Arc {
     pub start_angle_rad: f64,
     /// Swept angle, rad; positive from the first to the second axis.
     pub sweep_rad: f64,
+    /// Length of path per radian at the start and at the end, mm; in between it changes evenly.
+    pub per_rad_mm: [f64; 2],
 }
+
+/// Radii that differ by less of themselves are the same but for rounding.
+const SAME_RADIUS_SHARE: f64 = 1e-12;
 
 impl Arc {
     pub(super) fn new(geometry: &ArcGeometry, start: &Position, end: &Position) -> Self {
@@ -42,6 +47,7 @@ impl Arc {
             end_radius_mm: libm::hypot(u1, v1),
             start_angle_rad: libm::atan2(v0, u0),
             sweep_rad: geometry.sweep_rad,
+            per_rad_mm: [0.0; 2],
         };
         if arc.is_huge() && arc.sweep_rad.abs() < 1.0 {
             // A difference of two angles is as exact as a rounded angle, too coarse here; the chord gives it exactly.
@@ -49,6 +55,98 @@ impl Arc {
             arc.sweep_rad = libm::atan2(u0 * dv - v0 * du, u0 * u1 + v0 * v1);
         }
         arc
+    }
+
+    /// Measures it while other axes travel by the root of `beside_square`, mm²; its length, mm.
+    ///
+    /// On a spiral of radius r, which grows by k a radian, and with a rise of h a radian the path has √(r² + k² + h²) a radian. That is
+    /// exact at both ends, where elements meet, and off by about (Δr / r)² / 8 in between.
+    pub(super) fn measure(&mut self, beside_square: f64) -> f64 {
+        let radial_mm = self.end_radius_mm - self.start_radius_mm;
+        let mean_radius_mm = 0.5 * (self.start_radius_mm + self.end_radius_mm);
+        let sweep_rad = self.sweep_rad.abs();
+        if radial_mm.abs() > SAME_RADIUS_SHARE * mean_radius_mm {
+            let square = (radial_mm * radial_mm + beside_square) / (sweep_rad * sweep_rad);
+            let per_rad_mm = |radius_mm: f64| (radius_mm * radius_mm + square).sqrt();
+            self.per_rad_mm = [per_rad_mm(self.start_radius_mm), per_rad_mm(self.end_radius_mm)];
+            return self.mean_per_rad_mm() * sweep_rad;
+        }
+        let around_mm = mean_radius_mm * self.sweep_rad;
+        let length_mm = (around_mm * around_mm + radial_mm * radial_mm + beside_square).sqrt();
+        self.per_rad_mm = [length_mm / sweep_rad; 2];
+        length_mm
+    }
+
+    /// Whether its radius changes, by more than rounding.
+    pub(super) fn is_spiral(&self) -> bool {
+        self.per_rad_mm[0] != self.per_rad_mm[1]
+    }
+
+    fn mean_per_rad_mm(&self) -> f64 {
+        0.5 * (self.per_rad_mm[0] + self.per_rad_mm[1])
+    }
+
+    /// Share of the sweep at a share of the length.
+    pub(crate) fn sweep_share(&self, length_share: f64) -> f64 {
+        let [first, last] = self.per_rad_mm;
+        if first == last {
+            return length_share;
+        }
+        let travelled = self.mean_per_rad_mm() * length_share;
+        2.0 * travelled / (first + (first * first + 2.0 * (last - first) * travelled).sqrt())
+    }
+
+    /// Share of the length at a share of the sweep.
+    #[must_use]
+    pub fn length_share(&self, sweep_share: f64) -> f64 {
+        let [first, last] = self.per_rad_mm;
+        if first == last {
+            return sweep_share;
+        }
+        (first + 0.5 * (last - first) * sweep_share) * sweep_share / self.mean_per_rad_mm()
+    }
+
+    /// First, second and third derivative, by arc length, of the length that would have been travelled at this share of the sweep if it
+    /// turned evenly: 1, 0 and 0 where it does.
+    pub(super) fn evenness(&self, sweep_share: f64, length_mm: f64) -> [f64; 3] {
+        let [first, last] = self.per_rad_mm;
+        let here = first + (last - first) * sweep_share;
+        let [first_derivative, bend] = [self.mean_per_rad_mm() / here, (last - first) / (here * length_mm)];
+        let square = first_derivative * first_derivative;
+        [first_derivative, -bend * square, 3.0 * bend * bend * square * first_derivative]
+    }
+
+    /// Upper bound of the angle turned per length, rad/mm.
+    pub(crate) fn fastest_turn(&self, length_mm: f64) -> f64 {
+        let turn = self.sweep_rad.abs() / length_mm;
+        if self.is_spiral() { turn.max(1.0 / self.per_rad_mm[0]).max(1.0 / self.per_rad_mm[1]) } else { turn }
+    }
+
+    /// Largest share of the path along the circle.
+    pub(crate) fn most_along(&self, length_mm: f64) -> f64 {
+        if !self.is_spiral() {
+            return self.largest_radius_mm() * self.sweep_rad.abs() / length_mm;
+        }
+        let [first, last] = self.per_rad_mm;
+        (self.start_radius_mm / first).max(self.end_radius_mm / last)
+    }
+
+    /// Upper bound of the share of the path outwards.
+    pub(crate) fn most_outwards(&self, length_mm: f64) -> f64 {
+        let growth_mm = (self.end_radius_mm - self.start_radius_mm).abs();
+        growth_mm / self.sweep_rad.abs() * self.fastest_turn(length_mm)
+    }
+
+    /// Bounds of the second and third derivative in [`Arc::evenness`], by the first, 1/mm and 1/mm².
+    pub(crate) fn unevenness(&self, length_mm: f64) -> [f64; 2] {
+        if !self.is_spiral() {
+            return [0.0; 2];
+        }
+        // Both are largest at one of the ends, as the first is.
+        let [start, end] = [0.0, 1.0].map(|share| self.evenness(share, length_mm));
+        let of = |at: [f64; 3]| [at[1].abs() / at[0], at[2].abs() / at[0]];
+        let ([bend, change], [other_bend, other_change]) = (of(start), of(end));
+        [bend.max(other_bend), change.max(other_change)]
     }
 
     /// Whether angles about the centre are too coarse to place points on the circle.

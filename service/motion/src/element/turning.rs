@@ -23,9 +23,8 @@ impl Element {
         match &self.curve {
             Curve::Line => whole(0.0),
             Curve::Arc(arc) => {
-                let per_mm = 1.0 / self.length;
-                let growth = (arc.end_radius_mm - arc.start_radius_mm).abs() * per_mm;
-                whole(self.curvature() + 2.0 * growth * (arc.sweep_rad * per_mm).abs())
+                let turn = arc.fastest_turn(self.length);
+                whole(self.curvature() + 2.0 * arc.most_outwards(self.length) * turn)
             }
             Curve::Spline(spline) => spline
                 .curvatures()

@@ -32,16 +32,6 @@ fn machine(axes: [(f64, f64, f64); 3]) -> Machine {
     Machine { axes: [Axis::X, Axis::Y, Axis::Z].into_iter().zip(axes).map(axis).collect(), ..Machine::mill() }
 }
 
-/// Third derivative by length: with r″ = 0 and w = dθ/ds, r·e has (−3·r'·w²)·e − r·w³·e⊥.
-fn third_derivative(element: &Element, s: f64) -> [f64; 3] {
-    let Curve::Arc(arc) = &element.curve else { return [0.0; 3] };
-    let turn = arc.sweep_rad / element.length;
-    let outwards = (arc.end_radius_mm - arc.start_radius_mm) / element.length;
-    let (sin, cos) = libm::sincos(arc.start_angle_rad + turn * s);
-    let (radial, across) = (-3.0 * outwards * turn * turn, -(arc.start_radius_mm + outwards * s) * turn * turn * turn);
-    [radial * cos - across * sin, radial * sin + across * cos, 0.0]
-}
-
 fn axes() -> impl Strategy<Value = [(f64, f64, f64); 3]> {
     let power = |exponent: f64| 10.0_f64.powf(exponent);
     let axis =
@@ -73,7 +63,7 @@ proptest! {
         let (v, a, j) = (limits.velocity + peaks.velocity, limits.acceleration + peaks.acceleration, limits.jerk + peaks.jerk);
         for k in 0..=200 {
             let s = element.length * f64::from(k) / 200.0;
-            let (first, second, third) = (element.tangent(s), element.second_derivative(s), third_derivative(&element, s));
+            let [first, second, third] = element.derivatives(s);
             for (column, axis) in machine.axes.iter().enumerate() {
                 let (first, second, third) = (first[column], second[column], third[column]);
                 prop_assert!((v * first).abs() <= axis.max_velocity_per_s * (1.0 + 1e-9));

@@ -352,7 +352,7 @@ struct Joint {
 impl Joint {
     fn of(element: &Element, s: f64) -> Self {
         let tangent = linear(&element.tangent(s));
-        // On spirals the arc length is a mean: the derivatives by the true one differ a little.
+        // Between the ends of a spiral the derivatives by arc length are off a little.
         let square = dot(tangent, tangent);
         let second = linear(&element.second_derivative(s));
         let across = difference(second, scaled(tangent, dot(second, tangent) / square));

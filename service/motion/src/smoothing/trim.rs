@@ -15,7 +15,8 @@ impl Element {
             Curve::Line => (Curve::Line, distance(&start, &end)),
             Curve::Arc(arc) => {
                 let [first, last] = [from / self.length, to / self.length];
-                (Curve::Arc(arc.part(first, last)), self.length * (last - first))
+                let part = arc.part(arc.sweep_share(first), arc.sweep_share(last));
+                (Curve::Arc(part), self.length * (last - first))
             }
             Curve::Spline(spline) => {
                 let spline = spline.between(from, to)?;
@@ -32,7 +33,13 @@ impl Arc {
     /// The part between two shares of the sweep: angle and radius change in proportion to each other, and still do.
     fn part(&self, first: f64, last: f64) -> Self {
         let growth_mm = self.end_radius_mm - self.start_radius_mm;
+        let [first_mm, last_mm] = self.per_rad_mm;
+        let per_rad_mm = |share: f64| first_mm + (last_mm - first_mm) * share;
         Self {
+            per_rad_mm: [
+                if first > 0.0 { per_rad_mm(first) } else { first_mm },
+                if last < 1.0 { per_rad_mm(last) } else { last_mm },
+            ],
             start_radius_mm: if first > 0.0 { self.start_radius_mm + growth_mm * first } else { self.start_radius_mm },
             end_radius_mm: if last < 1.0 { self.start_radius_mm + growth_mm * last } else { self.end_radius_mm },
             start_angle_rad: self.start_angle_rad + self.sweep_rad * first,

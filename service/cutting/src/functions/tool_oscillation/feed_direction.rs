@@ -86,7 +86,7 @@ fn standstills_mm(arc: &Arc, axis: Axis, length_mm: f64) -> [f64; 2] {
     [from_rad, from_rad + 0.5 * TAU].map(|angle_rad| {
         let turns = (angle_rad - arc.start_angle_rad) * arc.sweep_rad.signum() / TAU;
         let share = (turns - turns.floor()) * TAU / arc.sweep_rad.abs();
-        if share <= 1.0 { share * length_mm } else { 0.0 }
+        if share <= 1.0 { arc.length_share(share) * length_mm } else { 0.0 }
     })
 }
 

@@ -290,7 +290,7 @@ impl OscillationRun {
             for (((x, y), turns), (s, angle_deg)) in
                 along_x.iter_mut().zip(along_y).zip(turns).zip(s.iter().zip(angles_deg))
             {
-                let heading = heading.start_turns + heading.per_mm * s;
+                let heading = heading.start_turns + heading.per_mm * element.evened(*s);
                 (*y, *x) = sincos_turns(heading);
                 *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, -rotation * heading);
             }
