@@ -1,7 +1,7 @@
 //! Whether a corner takes less time rounded than with a stop in it.
 //!
 //! In a plan for the least time the speed changes along the corner, and is found by planning it: from rest to rest over the two blocks, where
-//! the tolerance is so small for them that little can be gained.
+//! the tolerance is so small for them that little can be gained, or where an axis across is so slow that rounding at one speed would lose.
 //!
 //! In a plan of runs, round a corner the path runs at one speed, the one that the curve permits. What decides is the time from the middle of the block
 //! before it to the middle of the block behind it; corners at their other ends are taken to be like this one.
@@ -41,8 +41,9 @@ impl Corner<'_> {
     pub(super) fn is_rounded_in_least_time(&self, machine: &Machine, planned_s: impl FnOnce() -> Option<f64>) -> bool {
         let Some((stopped_s, overlap_s)) = self.stops(machine) else { return true };
         let [first_s, last_s] = stopped_s;
-        overlap_s > MOST_TRIED_OVERLAP * first_s.min(last_s)
-            || planned_s().is_none_or(|rounded_s| rounded_s < (first_s + last_s) * CORNER_STOP_GAIN)
+        // Axes that are slower than those along the blocks may take more than the overlap gains.
+        let gains = overlap_s > MOST_TRIED_OVERLAP * first_s.min(last_s) && self.is_rounded(machine);
+        gains || planned_s().is_none_or(|rounded_s| rounded_s < (first_s + last_s) * CORNER_STOP_GAIN)
     }
 
     /// Times of the two blocks with a stop between them and rest at their ends, and for how long the ends of both overlap where they
