@@ -405,6 +405,29 @@ fn every_start_of_a_thread_has_its_own_infeed() {
     }
 }
 
+/// A pass on the other flank may meet no groove yet, and is of the start that it is nearest to, whichever was cut before.
+#[test]
+fn starts_that_are_cut_in_turn_keep_their_grooves_while_flanks_alternate() {
+    let passes = [(12.0, 29.266), (11.45, 28.96), (11.845, 28.728), (11.574, 28.53), (11.737, 28.356), (11.669, 28.2)];
+    for starts in 2..=3_u32 {
+        let lead_mm = 1.5 * f64::from(starts);
+        let mut text = "G97 S200 M3\nG0 X34 Z12\nG165 P3 X30 Q1.2\n".to_owned();
+        for (z_mm, x_mm) in passes {
+            for start in 0..starts {
+                let z_mm = z_mm + 1.5 * f64::from(start);
+                text += &format!("G0 X34\nG0 Z{z_mm:.3}\nG0 X{x_mm}\nG32 Z-14 F{lead_mm}\n");
+            }
+        }
+        let report = validate(&(text + "G0 X34\nG165 P0\nM30\n"), &lathe());
+        assert!(!codes(&report).contains(&"THREAD-PROFILE-WIDE".to_owned()), "{:?}", codes(&report));
+        let job = &report.threads[0].job;
+        assert_eq!(job.geometry.starts, starts);
+        let found: Vec<_> = job.passes.iter().map(|pass| pass.start).collect();
+        let in_turn: Vec<_> = passes.iter().flat_map(|_| 0..starts).collect();
+        assert_eq!(found, in_turn);
+    }
+}
+
 /// Grooves that are too wide for two starts meet, and are two starts all the same, in whichever order they are cut.
 #[test]
 fn a_pass_that_goes_back_to_a_smaller_depth_elsewhere_begins_a_further_start() {

@@ -195,8 +195,8 @@ impl OpenThread {
     }
 
     /// Which start a pass without a word for it cuts: that of the groove it meets, unless it goes back to a smaller depth at another
-    /// place, as the first pass of a further start does. Where it meets none, it is a new one, unless it goes deeper than the pass
-    /// before, as alternating flanks do before they meet.
+    /// place, as the first pass of a further start does. Where it meets none, it is of the nearest start that it goes deeper than, as
+    /// alternating flanks do before they meet, whatever starts were cut between; where there is no such, it is a new one.
     fn groove(&self, pass: &ThreadPass) -> u32 {
         let job = &self.job;
         let lead_mm = job.geometry.lead_mm;
@@ -209,17 +209,18 @@ impl OpenThread {
             let of_start = job.passes.iter().rev().find(|other| other.start == start);
             of_start.map_or(0.0, |newest| newest.depth_mm.abs())
         };
+        let goes_deeper = |other: &&ThreadPass| pass.depth_mm.abs() > newest_mm(other.start) + SAME;
         let meets = |other: &&ThreadPass| {
             let reach_mm = (pass.depth_mm.abs() + other.depth_mm.abs()) * job.profile.tan_half_angle();
             let goes_on = pass.depth_mm.abs() >= newest_mm(other.start) - SAME;
             (apart_mm(other) < reach_mm - SAME && goes_on) || apart_mm(other) < SAME
         };
-        let nearest = job.passes.iter().filter(meets).min_by(|a, b| apart_mm(a).total_cmp(&apart_mm(b)));
-        match (nearest, job.passes.last()) {
-            (Some(nearest), _) => nearest.start,
-            (None, Some(last)) if pass.depth_mm.abs() > last.depth_mm.abs() + SAME => last.start,
-            (None, Some(_)) => job.geometry.starts,
-            (None, None) => 0,
+        let by_place = |a: &&ThreadPass, b: &&ThreadPass| apart_mm(a).total_cmp(&apart_mm(b));
+        let met = job.passes.iter().filter(meets).min_by(by_place);
+        match met.or_else(|| job.passes.iter().filter(goes_deeper).min_by(by_place)) {
+            Some(nearest) => nearest.start,
+            None if job.passes.is_empty() => 0,
+            None => job.geometry.starts,
         }
     }
 
