@@ -72,6 +72,21 @@ fn cure(program: &str, code: &str, quantity: &str) -> Option<f64> {
     values.find(|value| value.name == quantity).map(|value| value.value)
 }
 
+/// At constant surface speed the vibrations per revolution change: the chip stays whole far beyond the first and the last blend.
+/// Measured on the setpoints: 85.8 revolutions at the start, 115.5 at the end, at most 57.0 between two breaks.
+#[test]
+fn a_chip_that_stays_whole_beyond_the_outer_blends_is_told() {
+    let program = "G98 G50 S3000\nG96 S150 M3\nG0 X60 Z0\nG200 F50 A0.05\nG1 X10 F100\nG201\nG0 Z5\nM30\n";
+    let report =
+        validate(program, &PipelineConfig::new(MachineProfile { max_feed_override: 1.0, ..MachineProfile::lathe() }));
+    let blend = report.sections[0].blend.unwrap();
+    for (told, measured) in
+        [(blend.unbroken_at_start_rev, 85.8), (blend.unbroken_at_end_rev, 115.5), (blend.longest_unbroken_rev, 57.0)]
+    {
+        assert!((measured - 2.5..measured + 2.5).contains(&told), "{told} {measured} {blend:?}");
+    }
+}
+
 /// A single short block, its vibrations per revolution 2.5 at 20.208 Hz.
 fn short_section(length_mm: f64, amplitude_mm: f64, frequency_hz: f64) -> String {
     format!("M3 S485\nG0 X20 Z0\nG200 F{frequency_hz:.3} A{amplitude_mm:.4}\nG1 Z{:.3} F0.05\nG201\nM30\n", -length_mm)

@@ -83,6 +83,8 @@ pub(super) struct Parts {
     /// First and last blend of the section, mm.
     outer_ramps_mm: [f64; 2],
     any: bool,
+    /// Whether there are places without vibration inside of the section.
+    several: bool,
     longest: Option<LongestPart>,
 }
 
@@ -92,6 +94,7 @@ impl Parts {
         if !self.any {
             self.outer_ramps_mm[0] = ramp_mm;
         }
+        self.several = self.any;
         self.any = true;
         self.outer_ramps_mm[1] = ramp_mm;
         self.parts.push_back(Part { start_mm, end_mm: None, ramp_mm, feed_mm_per_s });
@@ -462,32 +465,42 @@ impl BlendTally {
         self.breaking_vibrations = 0.0;
     }
 
-    /// A run ends inside of the section, or in its first blend.
+    /// The chip breaks for certain behind a run.
     fn end_run(&mut self, parts: &Parts) {
         let Some(mut run) = self.run.take() else { return };
         run.extent.add(run.after);
         let first_blend_mm = parts.outer_ramps_mm[0] + self.first_feed_mm.unwrap_or(0.0);
-        if run.start_mm <= SAME_PLACE_MM && run.end_mm <= first_blend_mm + SAME_PLACE_MM {
+        let is_first = run.start_mm <= SAME_PLACE_MM;
+        if is_first {
             self.at_start = Some(run);
-        } else {
-            self.is_inside(run);
+        }
+        if !is_first || run.end_mm > first_blend_mm + SAME_PLACE_MM {
+            self.is_inside(run, is_first, parts);
         }
     }
 
-    fn is_inside(&mut self, run: Run) {
+    /// A run goes further than the first or the last blend of the section; it may begin or end there. Between two breaks it lies if it
+    /// does not, and if there may be blends between.
+    fn is_inside(&mut self, run: Run, is_at_an_end: bool, parts: &Parts) {
         self.inside_mm += run.blended_mm;
-        if self.longest.is_none_or(|longest| longest.extent.revolutions < run.extent.revolutions) {
+        let is_between = !is_at_an_end || parts.several;
+        if is_between && self.longest.is_none_or(|longest| longest.extent.revolutions < run.extent.revolutions) {
             self.longest = Some(run);
         }
     }
 
     /// The section ends after `length_mm`.
     pub(super) fn finish(mut self, parts: &Parts, length_mm: f64) -> BlendVerdict {
-        let mut at_end = None;
-        match self.run {
-            Some(run) if run.start_mm >= length_mm - parts.outer_ramps_mm[1] - SAME_PLACE_MM => at_end = Some(run),
-            _ => self.end_run(parts),
-        }
+        let at_end = self.run.take().map(|mut run| {
+            run.extent.add(run.after);
+            if run.start_mm <= SAME_PLACE_MM {
+                self.at_start = Some(run);
+            }
+            if run.start_mm < length_mm - parts.outer_ramps_mm[1] - SAME_PLACE_MM {
+                self.is_inside(run, true, parts);
+            }
+            run
+        });
         let share = |mm: f64| if self.length_mm > 0.0 { (mm / self.length_mm).min(1.0) } else { 0.0 };
         let run_mm = |run: Option<Run>| run.map_or(0.0, |run| run.extent.mm);
         let revolutions = |run: Option<Run>| run.map_or(0.0, |run| run.extent.revolutions);
