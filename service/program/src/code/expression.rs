@@ -121,8 +121,8 @@ crate::finding_codes! {
     }
 
     "PRG-PARAMETER-IGNORED" [PARAMETER_IGNORED: Info] {
-        meaning: "an assignment to a clock, an inhibition or a counter of the control, which changes no path",
-        cause: "`#3001` to `#3004` or `#3901` is assigned, mostly around tapping.",
+        meaning: "an assignment to a clock, an inhibition, a counter or an output of the control, which changes no path",
+        cause: "`#3001` to `#3004` or `#3901` is assigned, mostly around tapping, or an output to the machine, `#1100` to `#1139`.",
         cure: "Nothing needs to be done.",
         example: lathe("#3004=7"),
     }

@@ -50,6 +50,14 @@ crate::finding_codes! {
         example: lathe("M3 S500\nG32 Z-20 F1.5 Q400."),
     }
 
+    "PRG-THREAD-ANGLE-UNIT" [THREAD_ANGLE_UNIT: Warning] {
+        meaning: "a start angle within a turn and with no decimal point, which may be degrees or thousandths of a degree",
+        cause: "FANUC and Haas lathes count `Q` in thousandths of a degree: `Q180` is 0.18 degrees there, and so it is in `G92` and `G76`. \
+              Passes that vibrate (`G165`) have degrees.",
+        cure: "Write thousandths, `Q180000` for half a turn.",
+        example: lathe("M3 S500\nG0 X40 Z2\nG92 X29 Z-20 F2 Q180"),
+    }
+
     "PRG-THREAD-VARIABLE-LEAD" [THREAD_VARIABLE_LEAD: Error] {
         meaning: "a thread whose lead changes along it",
         cause: "`G34` changes the lead by `K` in every revolution; threads have one lead here.",

@@ -86,7 +86,7 @@ impl Interpreter {
                     Finding::new(
                         code,
                         span,
-                        "this sets a clock, an inhibition or a counter of the control; here it does nothing",
+                        "this sets a clock, an inhibition, a counter or an output of the control; here it does nothing",
                     )
                 });
                 return false;

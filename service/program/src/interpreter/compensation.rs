@@ -51,6 +51,24 @@ impl Execution<'_> {
         }
     }
 
+    /// I, J or K beside `G40`, which no other code of the block has taken: FANUC controls leave towards the wall that they show,
+    /// which is not carried out.
+    pub(super) fn takes_wall(&mut self, unused: u32) -> u32 {
+        let wall = unused & (letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K'));
+        let Some((Meaning::CompensationOff, span)) = self.code(Group::CutterCompensation) else { return 0 };
+        if wall == 0 || self.is_linuxcnc_dialect() {
+            return 0;
+        }
+        self.findings.push_with(code::COMP_BLOCK, |code| {
+            let message =
+                "G40 with I, J or K leaves the contour towards the wall that they show, which is not carried out";
+            Finding::new(code, span, message).suggest(
+                "leave these words out: the tool then leaves square to the last cut; see that it clears the work",
+            )
+        });
+        wall
+    }
+
     /// Whether a straight move to `end` moves anything. Behind `G40` one to the present programmed point does: from beside it.
     #[inline]
     pub(super) fn is_move(&self, end: &Position) -> bool {

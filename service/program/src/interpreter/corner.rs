@@ -11,7 +11,7 @@ use super::motion::{PLAIN_CORNER_LETTERS, set_bits};
 use crate::block::Word;
 use crate::code;
 use crate::dialect::{Letter, letter_bit};
-use crate::state::InterpreterState;
+use crate::state::{InterpreterState, Motion};
 use crate::{
     ArcGeometry, Axis, Feed, Finding, FindingLog, Move, MoveKind, Operation, OperationKind, Plane, Position, SourceSpan,
 };
@@ -153,12 +153,18 @@ impl Execution<'_> {
         }
         let block = self.block;
         let is_guided = !self.state.tool_control.is_plain();
+        let is_motion = matches!(self.state.motion, Motion::Linear | Motion::Arc { .. });
+        let moves = self.block.letters & self.table.axis_letters != 0;
         for letter in [b'C', b'R', b'A'] {
             let Some(word) = block.comma_word(letter) else { continue };
             let (message, cure) = match letter {
                 b'A' if is_guided => (
                     "the angle of a line is not carried out in a tilted plane, under tool centre point control, or behind them",
                     "write where the line ends in place of its angle",
+                ),
+                b'C' | b'R' if is_motion && moves => (
+                    "the block moves nothing, so that there is no corner at its end",
+                    "leave the word out, or correct where the block ends",
                 ),
                 _ => (
                     "a word with a comma belongs to a move with G1, G2 or G3",

@@ -527,6 +527,7 @@ impl Execution<'_> {
         if unused & letter_bit(b'D') != 0 && self.takes_offset_number() {
             unused &= !letter_bit(b'D');
         }
+        unused &= !self.takes_wall(unused);
         while unused != 0 {
             let place = unused.trailing_zeros() as usize;
             unused &= unused - 1;

@@ -240,7 +240,13 @@ impl Execution<'_> {
             None if self.state.motion == Motion::Unclear => return,
             None => self.state.motion,
         };
+        let is_rapid = match self.code(Group::NonModal) {
+            Some((Meaning::Reference | Meaning::FurtherReference | Meaning::ReferenceReturn, _)) => true,
+            Some((Meaning::MachineCoordinates, _)) => motion != Motion::Linear,
+            _ => false,
+        };
         let code = match motion {
+            _ if is_rapid => return,
             Motion::None | Motion::Rapid => return,
             Motion::Linear => code::LENGTH_WHILE_CUTTING_STRAIGHT,
             _ => code::LENGTH_WHILE_CUTTING,

@@ -87,7 +87,7 @@ impl Execution<'_> {
                 return;
             }
         } else if self.is_smooth_interpolation(axes, before)
-            || axes == 0 && (curve_words == 0 || self.is_contour_control(axes, before))
+            || axes == 0 && (self.is_contour_control(axes, before) || curve_words == 0)
         {
             return self.check_motion_words();
         }

@@ -111,7 +111,8 @@ impl Execution<'_> {
         let Some((meaning @ (Meaning::CubicSpline | Meaning::QuadraticSpline), span)) = self.code(Group::Motion) else {
             return false;
         };
-        if curve || word(b'P') == word(b'Q') || self.table.dialect.is_linuxcnc {
+        let is_either = meaning == Meaning::CubicSpline && word(b'P') == word(b'Q');
+        if curve || is_either || self.table.dialect.is_linuxcnc {
             return false;
         }
         self.state.motion = before;
@@ -131,7 +132,10 @@ impl Execution<'_> {
                 Some(word) => self.contour_level(&word),
             },
             Some(0.0) => self.contour_off(),
-            _ => self.request_error(span, "G5.1 takes Q1 to switch contour control on and Q0 to switch it off"),
+            _ => {
+                self.used |= letter_bit(b'P');
+                self.request_error(span, "G5.1 takes Q1 to switch contour control on and Q0 to switch it off");
+            }
         }
         true
     }

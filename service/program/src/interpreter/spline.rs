@@ -50,6 +50,11 @@ impl Execution<'_> {
         }
         self.check_spline_axes(axes)?;
         let is_request = !cubic && !self.table.dialect.is_linuxcnc && self.block.word(b'Q').is_some();
+        if is_request && from_start.iter().all(Option::is_none) {
+            // The motion before is in force: the blocks behind are no curves.
+            self.take(b'Q');
+            self.state.motion = Motion::Unclear;
+        }
         let departure = match (from_start, exit) {
             ([None, None], Some(exit)) if cubic => exit,
             ([None, None], _) => self.spline_error(code::SPLINE_POINT_MISSING, span, |mut finding| {

@@ -26,6 +26,15 @@ use crate::{
 /// Leads of threads, mm: what common controls take.
 const LEADS_MM: RangeInclusive<f64> = 1e-4..=500.0;
 
+/// What a start angle is of.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum AngleOf {
+    /// One block of `G32` or `G33`.
+    Pass,
+    /// `G92` or `G76`.
+    Cycle,
+}
+
 /// Start angles and phase shifts, degrees.
 const ANGLES_DEG: RangeInclusive<f64> = 0.0..=360.0;
 
@@ -96,7 +105,7 @@ impl Execution<'_> {
             Some(word) => self.checked_lead(&word, self.scaled(&word, true)),
             None => self.lead(),
         };
-        let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        let start_angle_deg = self.start_angle(AngleOf::Pass);
         let phase_shift_deg = self.thread_angle(b'R', "phase shift");
         let amplitude_span = self.block.word(b'A').map(|word| self.block.word_span(word));
         let amplitude_mm = self.thread_amplitude();
@@ -273,6 +282,44 @@ impl Execution<'_> {
         None
     }
 
+    /// The start angle Q of a pass or of the passes of a cycle, degrees, 0 without the word; `None` after a finding.
+    ///
+    /// FANUC and Haas lathes take no decimal point and count thousandths. The published vibration of passes has degrees: within a turn
+    /// a number is degrees where passes vibrate, and in `G32`, which may be one of their passes that does not.
+    fn start_angle(&mut self, of: AngleOf) -> Option<f64> {
+        let counted = self.block.word(b'Q').copied().filter(|word| {
+            let calculator = self.settings.decimal_point == DecimalPointRule::Calculator;
+            calculator && self.settings.dialect == DialectName::Lathe && !word.number.has_point()
+        });
+        let Some(word) = counted else {
+            return self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        };
+        let written = self.scaled(&word, false);
+        let (is_within_turn, thousandths) = (ANGLES_DEG.contains(&written), written / 1_000.0);
+        if !ANGLES_DEG.contains(&thousandths) {
+            return self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        }
+        self.take(b'Q');
+        // `A` of a cycle is the angle of its tool.
+        let is_still = of == AngleOf::Pass && self.block.word(b'A').is_some_and(|word| word.number.value() == 0.0);
+        let vibrates = self.state.functions_on.contains(Function::ThreadVibration) && !is_still;
+        let is_degrees = is_within_turn && (of == AngleOf::Pass || vibrates);
+        if is_within_turn && written != 0.0 && !vibrates {
+            let span = self.block.word_span(&word);
+            self.findings.push_with(code::THREAD_ANGLE_UNIT, |code| {
+                let (angle_deg, other) = match is_degrees {
+                    true => (written, format!("{thousandths}° on a control that counts thousandths of a degree")),
+                    false => (thousandths, format!("not {written}°: the control counts thousandths of a degree")),
+                };
+                let text = format!("Q{}", (written * 1_000.0).round());
+                Finding::new(code, span, format!("Q{written} is {angle_deg}°, and {other}"))
+                    .with_value("angle", angle_deg, "deg")
+                    .suggest_replacement(format!("{text} is {written}° in both readings"), text)
+            });
+        }
+        Some(if is_degrees { written } else { thousandths })
+    }
+
     /// An angle of 0 to 360°, `Some(None)` without the word, `None` after a finding.
     fn thread_angle(&mut self, letter: u8, name: &'static str) -> Option<Option<f64>> {
         let Some(word) = self.take(letter) else {
@@ -282,20 +329,17 @@ impl Execution<'_> {
         if ANGLES_DEG.contains(&angle_deg) {
             return Some(Some(angle_deg));
         }
-        // FANUC lathes take no decimal point here and count thousandths; no other reading is possible beyond a turn.
-        let thousandths = angle_deg / 1_000.0;
-        let calculator = self.settings.decimal_point == DecimalPointRule::Calculator;
-        let is_start = letter == b'Q' && self.settings.dialect == DialectName::Lathe;
-        if calculator && is_start && !word.number.has_point() && ANGLES_DEG.contains(&thousandths) {
-            return Some(Some(thousandths));
-        }
+        let counts = letter == b'Q' && self.settings.dialect == DialectName::Lathe && !word.number.has_point();
         let span = self.block.word_span(&word);
         self.findings.push_with(code::THREAD_ANGLE, |code| {
             let letter = char::from(letter);
             let message = format!("the {name} {letter} is {angle_deg}°, but must be 0° to 360°");
             let value = (angle_deg.rem_euclid(360.0) * 1_000.0).round() / 1_000.0;
-            // With a decimal point, which every rule reads in the same way.
-            let text = format!("{letter}{value:?}");
+            // Where it is not counted, with a decimal point, which every rule reads in the same way.
+            let text = match counts {
+                true => format!("{letter}{}", (value * 1_000.0).round()),
+                false => format!("{letter}{value:?}"),
+            };
             Finding::new(code, span, message).with_value("angle", angle_deg, "deg").suggest_value(
                 format!("the same angle is {text}"),
                 Some(text),

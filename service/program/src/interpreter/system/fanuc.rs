@@ -3,8 +3,11 @@
 use super::{Effect, Row, System};
 use crate::dialect::FeedUnit;
 use crate::expression::{Value, nearest};
-use crate::state::{Motion, ToolMode};
-use crate::{Axis, DialectName, PathControl, Plane};
+use crate::state::{Motion, SingleCycle, ToolMode};
+use crate::{Axis, DialectName, GCodeSystem, PathControl, Plane};
+
+/// Outputs to the machine.
+const OUTPUTS: core::ops::RangeInclusive<u32> = 1_100..=1_139;
 
 pub(super) static ROWS: &[Row] = &[
     (4_001, 4_030, |system, place| modal(system, place + 1).map(Some)),
@@ -96,7 +99,7 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
     let choose = |first: bool, one: f64, other: f64| Some(if first { one } else { other });
     let transform = state.coords.transform.as_deref();
     match group {
-        1 => motion(state.motion),
+        1 => motion(system),
         2 if is_lathe => choose(state.surface_speed, 96.0, 97.0),
         2 | 16 if (group == 2) != is_lathe => Some(match state.plane {
             Plane::Xy => 17.0,
@@ -154,12 +157,25 @@ fn code_number(code: &str) -> f64 {
     code.trim_start_matches('G').parse().unwrap_or(0.0)
 }
 
-fn motion(motion: Motion) -> Option<f64> {
-    match motion {
+/// The code of motion in force; `None` where it depends on a G-code system that is not known, and where there is none.
+fn motion(system: &System<'_>) -> Option<f64> {
+    let lathe = || match system.settings.g_code_system {
+        _ if system.settings.dialect != DialectName::Lathe => None,
+        None if !system.state.is_system_a && !system.settings.is_haas() => None,
+        None => Some(GCodeSystem::A),
+        known => known,
+    };
+    // Of systems A, B and C.
+    let of_system = |codes: [f64; 3]| lathe().map(|known| codes[known as usize]);
+    match system.state.motion {
         Motion::Rapid => Some(0.0),
         Motion::Linear => Some(1.0),
         Motion::Arc { clockwise } => Some(if clockwise { 2.0 } else { 3.0 }),
-        Motion::Thread => Some(33.0),
+        Motion::Thread if system.settings.dialect != DialectName::Lathe => Some(33.0),
+        Motion::Thread => of_system([32.0, 33.0, 33.0]),
+        Motion::SingleCycle(SingleCycle::Turn) => of_system([90.0, 77.0, 20.0]),
+        Motion::ThreadCycle => of_system([92.0, 78.0, 21.0]),
+        Motion::SingleCycle(SingleCycle::Face) => of_system([94.0, 79.0, 24.0]),
         _ => None,
     }
 }
@@ -167,9 +183,10 @@ fn motion(motion: Motion) -> Option<f64> {
 /// What assigning a system variable does; `None` where it cannot be assigned.
 pub(super) fn effect(number: u32, value: Value) -> Option<Effect> {
     match number {
+        number if OUTPUTS.contains(&number) => Some(Effect::Ignored),
         3_000 => Some(Effect::Alarm(nearest(value.unwrap_or(0.0)).clamp(0.0, 9_999.0) as u32)),
         3_006 => Some(Effect::Stop),
-        // Clock, block and override inhibit, counter: nothing of them changes a path.
+        // Clock, block and override inhibit, counter, outputs: nothing of them changes a path.
         3_001..=3_004 | 3_901 | 3_902 => Some(Effect::Ignored),
         _ => None,
     }

@@ -105,6 +105,25 @@ fn section_2_modes_fanuc() {
     assert_eq!(value(&LanguageSettings::mill(), "", "#4001"), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()));
 }
 
+/// Whoever keeps it and writes it again gets the same motion.
+#[test]
+fn section_2_the_motion_in_force_of_lathes() {
+    use crate::GCodeSystem::{A, B, C};
+    let setting_up = "M3 S500\nG0 X40 Z5 F0.2\n";
+    for (system, thread, turn, face, passes) in
+        [(A, "G32", "G90", "G94", "G92"), (B, "G33", "G77", "G79", "G78"), (C, "G33", "G20", "G24", "G21")]
+    {
+        let mut settings = LanguageSettings { g_code_system: Some(system), ..LanguageSettings::default() };
+        settings.turning.thread_chamfer_tenths = Some(0);
+        for code in [thread, turn, face, passes] {
+            let expected: f64 = code[1..].parse().unwrap();
+            check(&settings, &format!("{setting_up}{code} X29 Z-20 F2"), &[("#4001", expected)]);
+        }
+    }
+    let unknown = value(&LanguageSettings::default(), &format!("{setting_up}G33 Z-20 F2"), "#4001");
+    assert_eq!(unknown, Err("PRG-PARAMETER-UNAVAILABLE".to_owned()));
+}
+
 /// `#4120` is the last T word, whatever is in the spindle.
 #[test]
 fn section_2_the_last_tool_word_fanuc() {
@@ -460,6 +479,8 @@ fn what_assignments_do_to_the_run() {
         (3_006, Effect::Stop),
         (3_003, Effect::Ignored),
         (3_004, Effect::Ignored),
+        (1_100, Effect::Ignored),
+        (1_132, Effect::Ignored),
     ] {
         let made = assign(&mut state, &settings, dialect, &Target::Numbered(number), Some(21.0));
         assert_eq!(made, Ok(effect), "#{number}");

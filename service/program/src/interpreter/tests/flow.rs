@@ -308,7 +308,7 @@ fn a_called_program_is_not_ended_by_the_end_of_its_file() {
         let (_, wrong) = with_files(&["M98 P1000\nX4\nM30\n", sub], &["O1000.nc"]);
         let codes: Vec<_> = wrong.iter().map(|finding| finding.code.name()).collect();
         assert!(codes.contains(&"PRG-SUBPROGRAM-END"), "{sub:?}: {wrong:#?}");
-        let says_its_place_twice = |it: &crate::Finding| it.related.iter().any(|related| related.span == it.span);
+        let says_its_place_twice = |it: &Finding| it.related.iter().any(|related| related.span == it.span);
         assert!(!wrong.iter().any(says_its_place_twice), "{sub:?}: {wrong:#?}");
     }
 }

@@ -124,6 +124,8 @@ fn another_tool_and_cuts_are_pointed_out() {
     // The machine is at home all the time.
     check(&mill(), "T1 M6\nG43 H1\nT2 M6\nG91 G28 Z0\nG90 G43 H2 G0 Z-50", "tool 1.0\ntool 2.0");
     check(&mill(), "G1 G43 H2 X1 F10", "line Z-50 -> X1 Z-50 @10/min\nw 1:4+3 PRG-LENGTH-WHILE-CUTTING");
+    let returned = render("G1 X1. F10.\nG91 G28 Z0 G43 H2", &mill());
+    assert!(!returned.contains("WHILE-CUTTING"), "the return is a rapid: {returned}");
     check(&mill(), "G1 F10\nG43 H2\nG44 H2 X1", "line Z50 -> X1 Z50 @10/min\nw 3:1+3 PRG-LENGTH-WHILE-CUTTING");
     check(&mill(), "G2 G43 H2 X1 Y1 R1 F10", "! 1:4+3 PRG-LENGTH-WHILE-CUTTING");
     check(&mill(), "G43 H2\nG2 G43 H2 X1 Y1 R1 F10", "arc Z-50 -> X1 Y1 Z-50 about 1,0 by -90 @10/min");

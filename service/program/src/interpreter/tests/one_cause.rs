@@ -25,6 +25,29 @@ fn one(settings: &LanguageSettings, program: &str, code: &str, cure: &str) {
     assert!(found_cure.contains(cure), "{program}: {found_cure}");
 }
 
+/// Motion is what it was: the blocks behind have nothing wrong.
+#[test]
+fn a_request_for_contour_control_that_is_none() {
+    for line in ["G5.1", "G05.1 Q5", "G05.1 P1", "G05.1 Q1 X5. Y5."] {
+        let found = found(&mill(), &format!("G1 X1. F100.\n{line}\nX10.\nY20."));
+        assert_eq!(found.len(), 1, "{line}: {found:?}");
+    }
+    one(&mill(), "G1 X1. F100.\nG05.1 Q1 P1\nX10.\nX20.", "PRG-WORD-UNUSED", "remove it");
+}
+
+#[test]
+fn the_wall_that_a_contour_is_left_towards() {
+    let contour = "G1 X5. Y0 F100.\nG41 D1 X10.\nX30.\nG40 X40. Y-10. I0 J-1.";
+    let codes: Vec<_> = found(&mill(), contour).into_iter().map(|(code, _)| code).collect();
+    assert_eq!(codes.iter().filter(|code| *code == "PRG-COMP-BLOCK").count(), 1, "{codes:?}");
+    assert!(!codes.contains(&"PRG-WORD-UNUSED".to_owned()), "{codes:?}");
+}
+
+#[test]
+fn corners_where_nothing_moves() {
+    one(&mill(), "G1 X10. Y0 F100.\nX10. Y0 ,R2.\nX20.", "PRG-CORNER", "correct where the block ends");
+}
+
 #[test]
 fn comments_do_not_nest() {
     for settings in [mill(), lathe(), linuxcnc()] {

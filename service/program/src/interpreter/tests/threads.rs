@@ -266,8 +266,42 @@ fn angles_and_amplitudes_out_of_range() {
     };
     assert_eq!(replacements("M3 S100\nG32 Z5. F2. Q-30.", "start angle"), ["Q330.0"]);
     assert_eq!(replacements("M3 S100\nG32 Z5. F2. Q400.5", "start angle"), ["Q40.5"]);
+    // Controls refuse a decimal point.
+    assert_eq!(replacements("M3 S100\nG32 Z5. F2. Q400000", "start angle"), ["Q40000"]);
     assert_eq!(replacements("M3 S100\nG32 Z5. F2. R540.", "phase shift"), ["R180.0"]);
     assert_eq!(replacements("M3 S100\nG32 Z5. F2. A-1.5", "amplitude"), ["A1.5", "A0"]);
+}
+
+/// FANUC lathes count thousandths of a degree; passes that vibrate have degrees.
+#[test]
+fn start_angles_without_a_decimal_point() {
+    let pass =
+        |angle: &str, from: &str| (format!("G32 Z5. F2. {angle}"), format!("spindle cw 100\nthread 0 -> Z5 @2{from}"));
+    for (angle, from) in [("Q180000", " from 180"), ("Q500", " from 0.5"), ("Q0", ""), ("Q180.", " from 180")] {
+        let (block, expected) = pass(angle, from);
+        check(&lathe(), &format!("M3 S100\n{block}"), &expected);
+    }
+    let (block, expected) = pass("Q180", " from 180");
+    check(&lathe(), &format!("M3 S100\n{block}"), &format!("{expected}\nw 2:13+4 PRG-THREAD-ANGLE-UNIT"));
+    let cycle = |angle: &str| render(format!("M3 S100 G0 X40. Z5.\nG92 X30. Z-20. F2. {angle}"), &lathe());
+    let found = cycle("Q180");
+    assert!(found.contains("from 0.18\n") && found.contains("w 2:20+4 PRG-THREAD-ANGLE-UNIT"), "{found}");
+    let cured = cycle("Q180000");
+    assert!(cured.contains("from 180\n") && !cured.contains("PRG-THREAD"), "{cured}");
+    for (kind, program) in [("pass", "M3 S100\nG32 Z5. F2. Q180"), ("cycle", "M3 S100 G0 X9.\nG92 X3. Z-2. F2. Q180")] {
+        let finding = finding_with(lathe(), program, "thousandths");
+        assert_eq!(finding.suggestions[0].replacement.as_deref(), Some("Q180000"), "{kind}");
+    }
+    // Where passes vibrate, with the amplitude that follows or with their own, there are degrees; not so where they do not.
+    let under_vibration =
+        |pass: &str| render(format!("M3 S100 G0 X40. Z5.\nG165 P3 X40. Q1.2\n{pass}\nG165 P0"), &lathe());
+    for pass in ["G32 Z-10. F2.5 Q180 A2.4", "G32 Z-10. F2.5 Q180", "G92 X36. Z-10. F2.5 Q180"] {
+        let found = under_vibration(pass);
+        assert!(found.contains("from 180") && !found.contains("PRG-THREAD-ANGLE"), "{pass}: {found}");
+    }
+    assert!(under_vibration("G32 Z-10. F2.5 Q180 A0").contains("PRG-THREAD-ANGLE-UNIT"));
+    let alone = render("M3 S100\nG32 Z5. F2. Q180 A2.4", &lathe());
+    assert!(alone.contains("PRG-THREAD-ANGLE-UNIT"), "{alone}");
 }
 
 #[test]

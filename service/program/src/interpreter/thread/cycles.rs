@@ -15,9 +15,9 @@ use core::ops::RangeInclusive;
 use super::super::doubt::SYSTEM_CURE;
 use super::super::execute::{Execution, MM_PER_INCH};
 use super::super::motion::Frame;
-use super::Cut;
 use super::infeed::{Infeed, MAX_PASSES, Pass};
 use super::words::AMOUNTS_MM;
+use super::{AngleOf, Cut};
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{CycleModes, Motion};
@@ -121,7 +121,7 @@ impl Execution<'_> {
     /// A pass of `G92`.
     pub(super) fn thread_cycle(&mut self, axes: u32) {
         let lead_mm = self.lead();
-        let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        let start_angle_deg = self.start_angle(AngleOf::Cycle);
         // Older controls, and Haas, write I.
         let is_older = self.block.word(b'I').is_some() && self.block.word(b'R').is_none();
         let taper = self.optional_length(if is_older { b'I' } else { b'R' }, "taper", TAPERS_MM);
@@ -311,7 +311,7 @@ impl Execution<'_> {
         let taper = self.optional_length(b'I', "taper", TAPERS_MM);
         let height = self.depth(b'K', "thread_height", |execution, word| execution.scaled(word, true));
         let first = self.depth(b'D', "first_depth", Self::thousandths);
-        let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        let start_angle_deg = self.start_angle(AngleOf::Cycle);
         let angle_deg = match self.take(b'A') {
             Some(word) => self.checked(&word, word.number.value(), "tool_angle", 0.0..=120.0),
             None => Some(0.0),
