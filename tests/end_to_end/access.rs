@@ -45,6 +45,21 @@ fn role_needed(status: &Status) -> String {
     status.get_error_details().error_info().unwrap().metadata["role"].clone()
 }
 
+/// Nobody is known by a token that nobody has seen.
+#[tokio::test]
+async fn a_token_that_cannot_be_told_is_no_entry() {
+    let folder = tempfile::tempdir().unwrap();
+    let clients = folder.path().join("clients.toml");
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let mut command = Command::new(FEEDWAVE);
+    command.args(["token", "lost", "--role", "viewer", "--clients"]).arg(&clients).stdout(full);
+    assert_eq!(command.kill_on_drop(true).status().await.unwrap().code(), Some(2));
+    assert_eq!(std::fs::read_to_string(&clients).unwrap_or_default(), "");
+    let refused = feedwave(&["token", "lost", "--role", "viewer", "--clients", "/dev/zero"], &[]).await;
+    let why = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(2) && why.contains("/dev/zero: is no file"), "{why}");
+}
+
 // One service, which all roles and the changes of their file meet.
 #[tokio::test]
 async fn tokens_say_who_asks_and_roles_what_may_be_done() {

@@ -51,6 +51,15 @@ async fn a_bad_value_is_refused_with_its_file_its_key_and_the_reason() {
     }
 }
 
+/// A default may not go with what was set.
+#[tokio::test]
+async fn a_default_that_is_refused_is_called_one() {
+    let output = refused("[limits]\nmessage_bytes = 65536\n", &[]).await;
+    let message = String::from_utf8_lossy(&output.stderr);
+    let expected = "default value: limits.inline_program_bytes: must be 1 to 32768, is 1048576";
+    assert!(output.status.code() == Some(78) && message.contains(expected), "{message}");
+}
+
 #[tokio::test]
 async fn files_that_are_not_what_they_should_be_are_refused_with_their_key() {
     let directory = tempfile::tempdir().expect("a temporary directory");

@@ -295,6 +295,10 @@ async fn a_backup_is_made_while_the_service_works_and_is_restored_elsewhere() {
     assert_exit("backup", server.home().path(), &[to], 0, "written").await;
     let refused = format!("{to}: the copy cannot be made: a file of this name is there already");
     assert_exit("backup", server.home().path(), &[to], 2, &refused).await;
+    let nowhere = server.home().path().join("nowhere/copy");
+    let nowhere = nowhere.to_str().expect("text");
+    let refused = format!("{nowhere}: the copy cannot be made: no file can be created in its folder");
+    assert_exit("backup", server.home().path(), &[nowhere], 2, &refused).await;
     let in_use = format!("in use by process {} on host", server.pid());
     assert_exit("restore", server.home().path(), &[to], 2, &in_use).await;
     work.abort();

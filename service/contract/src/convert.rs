@@ -72,7 +72,12 @@ pub fn check_display_name(violations: &mut Violations, field: &str, name: &str) 
     if name.chars().count() > MAX_DISPLAY_NAME {
         violations.add(field, format!("must have at most {MAX_DISPLAY_NAME} characters"));
     }
-    if name.chars().any(char::is_control) {
+    check_printable(violations, field, name);
+}
+
+/// Checks that text of a client does nothing to the terminal of whoever reads it.
+pub fn check_printable(violations: &mut Violations, field: &str, text: &str) {
+    if text.chars().any(char::is_control) {
         violations.add(field, "must not have control characters");
     }
 }

@@ -71,6 +71,7 @@ struct Inner {
     active: ActiveJobs,
     stream_places: Arc<Semaphore>,
     run_places: Arc<Semaphore>,
+    handed_out: live::HandedOut,
     /// Places for the arithmetic of calls that is no validation.
     validation_places: Arc<Semaphore>,
     /// Jobs whose checkpoints are being made anew.
@@ -112,6 +113,7 @@ impl Engine {
             given: Mutex::new(Some(given)),
             stream_places: Arc::new(Semaphore::new(limits.concurrent_streams)),
             run_places: Arc::new(Semaphore::new(limits.concurrent_runs)),
+            handed_out: live::HandedOut::default(),
             validation_places: Arc::new(Semaphore::new(limits.validation_workers)),
             store,
             metrics,
@@ -159,6 +161,11 @@ impl Engine {
     #[must_use]
     pub fn jobs_under_way(&self) -> u64 {
         self.inner.turns.jobs_under_way()
+    }
+
+    /// What the live runs of this replica have handed out.
+    pub(crate) fn handed_out(&self) -> &live::HandedOut {
+        &self.inner.handed_out
     }
 
     /// Ends the work on a job: its validation and its streams.

@@ -5,10 +5,10 @@
 use bytes::Bytes;
 use feedwave_contract::names;
 use feedwave_store::{
-    AttachedRun, AuditEntry, AuditFilter, DecisionFilter, DecisionRecord, EventFilter, Job, JobDetail, JobEvent,
-    JobFilter, JobState, Json, Kind, MachineRecord, NewJob, NewReport, NewRun, Page, PageRequest, ProgramEntry,
-    ProgramId, ProgramInfo, RecordedCutHead, Result, Run, RunCondition, Store, StoreError, StoredReport, TelemetryGap,
-    Tenant, ToolFilter, ToolRecord, UploadId, UploadInfo, UploadStart,
+    AttachedRun, AuditEntry, AuditFilter, DecisionFilter, DecisionRecord, EventFilter, Fingerprint, Job, JobDetail,
+    JobEvent, JobFilter, JobState, Json, Kind, MachineRecord, NewJob, NewReport, NewRun, Page, PageRequest,
+    ProgramEntry, ProgramId, ProgramInfo, RecordedCutHead, Result, Run, RunCondition, Store, StoreError, StoredReport,
+    TelemetryGap, Tenant, ToolFilter, ToolRecord, UploadId, UploadInfo, UploadStart,
 };
 use tokio::sync::watch;
 use uuid::Uuid;
@@ -74,6 +74,14 @@ impl Records {
         let job = self.store.create_job(new).await?;
         self.caller.concerns(names::job(job.id));
         Ok(job)
+    }
+
+    /// The job that the same request made before, if there is one.
+    pub(crate) async fn repeated_job(&self, request_id: &str, fingerprint: &Fingerprint) -> Result<Option<Job>> {
+        let Some((job, first)) = self.store.job_by_request(self.tenant(), request_id).await? else { return Ok(None) };
+        let job = job.repeated(&first, fingerprint)?;
+        self.caller.concerns(names::job(job.id));
+        Ok(Some(job))
     }
 
     pub(crate) async fn list_jobs(&self, filter: JobFilter, page: &PageRequest) -> Result<Page<Job>> {

@@ -9,7 +9,7 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use crate::Json;
-use crate::error::Result;
+use crate::error::{Result, StoreError};
 use crate::page::{Page, PageRequest};
 use crate::programs::ProgramId;
 use crate::tenant::Tenant;
@@ -84,6 +84,11 @@ impl Fingerprint {
             hash.update(part);
         }
         Self(hash.finalize().into())
+    }
+
+    /// The fingerprint that was kept; bytes that are none become one that no request has.
+    pub(crate) fn stored(bytes: &[u8]) -> Self {
+        bytes.try_into().map_or_else(|_| Self::of([bytes]), Self)
     }
 
     /// The digest.
@@ -168,6 +173,19 @@ pub struct Job {
     pub revision: u64,
     /// Attempts to validate it, but for those that were broken off in order.
     pub attempts: u32,
+}
+
+impl Job {
+    /// The job as the answer to a repeated request.
+    ///
+    /// # Errors
+    /// [`StoreError::Conflict`] where the request that it was created by, `first`, is another one.
+    pub fn repeated(self, first: &Fingerprint, repeated: &Fingerprint) -> Result<Self> {
+        if first == repeated {
+            return Ok(self);
+        }
+        Err(StoreError::Conflict { request_id: self.request_id, job_id: self.id })
+    }
 }
 
 impl Job {
@@ -281,11 +299,11 @@ pub trait Jobs {
     /// `NotFound`, `Unavailable`.
     async fn job_detail(&self, id: Uuid) -> Result<JobDetail>;
 
-    /// The job of a tenant created with this request id, if there is one.
+    /// The job of a tenant created with this request id, if there is one, and the fingerprint of that request.
     ///
     /// # Errors
     /// `Unavailable`.
-    async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<Job>>;
+    async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<(Job, Fingerprint)>>;
 
     /// Jobs in the order in which they were created, newest first, whatever the clock said. Jobs created while paging do
     /// not shift later pages.

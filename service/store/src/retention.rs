@@ -9,8 +9,8 @@ use crate::error::Result;
 /// How long records are kept; `None`: for ever.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RetentionPolicy {
-    /// Jobs that are ready, rejected, cancelled or failed and have no open run, since their last change. Their reports,
-    /// checkpoints, runs and decisions go with them.
+    /// Jobs that are cancelled, whose runs cannot be taken up, and those that are ready, rejected or failed and have no open
+    /// run, since their last change. Their reports, checkpoints, runs and decisions go with them.
     pub jobs: Option<Duration>,
     /// Runs that have ended, since their last change. Their decisions go with them.
     pub runs: Option<Duration>,

@@ -114,6 +114,8 @@ pub struct Run {
     pub setpoints: RunSetpoints,
     /// What the client asked for.
     pub settings: Json,
+    /// How often it was begun or taken up when it was read.
+    pub attachment: u64,
     /// Conditions that are not acknowledged.
     pub open_conditions: u64,
 }

@@ -191,7 +191,7 @@ async fn records_of_a_version_without_tenants_are_of_the_default_tenant() {
     let store = open(&path).await.unwrap();
     let kept = store.job(job).await.unwrap();
     assert_eq!((kept.tenant, kept.owner.as_str(), kept.program_id), (Tenant::DEFAULT, "", program));
-    assert_eq!(store.job_by_request(Tenant::DEFAULT, "early").await.unwrap().unwrap().id, job);
+    assert_eq!(store.job_by_request(Tenant::DEFAULT, "early").await.unwrap().unwrap().0.id, job);
     assert_eq!(store.program_entry(program).await.unwrap().job_count, 1);
     assert_eq!(store.run(job).await.unwrap().tenant, Tenant::DEFAULT);
     assert_eq!(store.uploads().await.unwrap()[0].expected, program);

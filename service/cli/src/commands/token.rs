@@ -73,22 +73,33 @@ pub fn run(args: &Args) -> Result<ExitCode, CliError> {
         Some(path) => {
             let failed = |error: std::io::Error| CliError::file(path, &error);
             // A file that cannot be used would keep its other changes from the service, and the service from starting.
+            if std::fs::metadata(path).is_ok_and(|found| !found.is_file()) {
+                return Err(CliError::trouble(format!("{}: is no file", path.display())));
+            }
             let text = match std::fs::read_to_string(path) {
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
                 text => text.map_err(failed)?,
             };
             check_clients(&(text + &entry), path).map_err(CliError::trouble)?;
             let mut file = File::options().create(true).append(true).open(path).map_err(failed)?;
+            // Nobody is to be known by a token that nobody has seen.
+            tell(&token)?;
             file.write_all(entry.as_bytes()).map_err(failed)?;
         }
         None => {
             std::io::stderr()
                 .write_all(entry.as_bytes())
                 .map_err(|error| CliError::written("standard error", &error))?;
+            tell(&token)?;
         }
     }
-    writeln!(std::io::stdout(), "{token}").map_err(|error| CliError::written("standard output", &error))?;
     Ok(ExitCode::SUCCESS)
+}
+
+fn tell(token: &str) -> Result<(), CliError> {
+    let mut out = std::io::stdout();
+    let told = writeln!(out, "{token}").and_then(|()| out.flush());
+    told.map_err(|error| CliError::written("standard output", &error))
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -143,6 +143,14 @@ impl Api {
             return Err(Error::internal("a request was neither accepted nor refused"));
         };
 
+        let fingerprint = CreateJobRequest { request_id: String::new(), ..request.clone() }.encode_to_vec();
+        let fingerprint = Fingerprint::of([fingerprint.as_slice()]);
+        // A repeat changes nothing, whatever became of the machine and the tools since.
+        if !request.request_id.is_empty()
+            && let Some(job) = self.store.repeated_job(&request.request_id, &fingerprint).await?
+        {
+            return Ok(CreateJobResponse { job: Some(self.detail_to_proto(&self.job_detail(job.id).await?)?) });
+        }
         let (profile, document) = self.machine_profile(machine_id).await?;
         let mut settings = self.settings(&checked, &profile).await?;
         let (programs, further_program_ids) = self.store_files(&request.programs).await?;
@@ -152,7 +160,6 @@ impl Api {
             self.store.put_program(program.clone()).await?;
         }
         self.name_program(program_id, &request.file_name).await?;
-        let fingerprint = CreateJobRequest { request_id: String::new(), ..request.clone() }.encode_to_vec();
         let new = NewJob {
             tenant: self.caller.tenant(),
             owner: self.caller.name().to_owned(),
@@ -161,7 +168,7 @@ impl Api {
             } else {
                 request.request_id.clone()
             },
-            fingerprint: Fingerprint::of([fingerprint.as_slice()]),
+            fingerprint,
             display_name: request.display_name.clone(),
             program_id,
             further_program_ids,

@@ -16,7 +16,7 @@ use feedwave_contract::stream::ColumnSet;
 use feedwave_contract::{names, proto};
 use feedwave_cutting::{Frame, GenerationMode, MAX_OVERRIDE_RATIO, MIN_OVERRIDE_RATIO, PipelineConfig};
 use feedwave_monitoring::{Monitor, MonitoringConfig, SpindleRule};
-use feedwave_store::{AttachedRun, JobDetail, JobState, NewRun, RunKind};
+use feedwave_store::{AttachedRun, JobDetail, JobState, NewRun, Run, RunKind};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
@@ -49,6 +49,23 @@ fn pipeline_config(detail: &JobDetail, settings: &RunSettings) -> Result<Pipelin
 struct CheckedStart<'a> {
     target: &'a Target,
     encoding: proto::Encoding,
+}
+
+/// What a start goes on with.
+enum Begun {
+    /// A run that is to be made.
+    New(NewRun),
+    /// One that was begun before.
+    Before(Run),
+}
+
+impl Begun {
+    fn settings(&self) -> Result<RunSettings> {
+        stored::from_stored(match self {
+            Self::New(new) => new.settings.get(),
+            Self::Before(run) => run.settings.get(),
+        })
+    }
 }
 
 fn check_start(start: &RunStart) -> Result<CheckedStart<'_>> {
@@ -99,9 +116,12 @@ impl Api {
             None => {}
         }
         let CheckedStart { target, encoding } = check_start(&start)?;
-        let job = match target {
-            Target::Job(name) => job_id("start.job", name)?,
-            Target::Run(name) => self.live_run(name).await?,
+        let (job, before) = match target {
+            Target::Job(name) => (job_id("start.job", name)?, None),
+            Target::Run(name) => {
+                let run = self.live_run(name).await?;
+                (run.job_id, Some(run))
+            }
         };
         // Registered before the state is read, so that a cancellation in between is not missed.
         let guard = self.engine.enter(job);
@@ -114,21 +134,34 @@ impl Api {
             let message = format!("{subject} is {}, only a ready job can be run", detail.job.state);
             return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
         }
-        let attached = match target {
-            Target::Job(_) => self.begin_run(&detail, start.settings.unwrap_or_default()).await?,
-            Target::Run(name) => self.store.attach_run(run_id(name)?).await?,
+        let begun = match before {
+            Some(run) => Begun::Before(run),
+            None => Begun::New(self.new_run(&detail, start.settings.unwrap_or_default()).await?),
         };
-        let presence = self.floor().taken_up(self.store.of_all_tenants(), &detail.job, &attached).await?;
-        let config = pipeline_config(&detail, &run_settings(&attached.run)?)?;
+        let config = pipeline_config(&detail, &begun.settings()?)?;
         let mut violations = Violations::default();
         let conditions = config.generation_mode == GenerationMode::ServoSide;
         let directions = config.frame == Frame::Work && config.profile.kinematics.is_some();
         let machine = &config.profile.machine;
         let columns = ColumnSet::select(&mut violations, &start.columns, machine, conditions, directions, encoding);
         violations.finish()?;
+        // What is refused up to here changes nothing: no run is made, and whoever has one keeps it.
+        let (attached, place) = match begun {
+            Begun::New(new) => {
+                let place = self.engine.run_place()?;
+                (self.store.create_run(new).await?, Some(place))
+            }
+            Begun::Before(run) => {
+                self.engine.handed_out().check(&run, start.start_index)?;
+                (self.store.attach_run(run.id).await?, self.engine.run_place().ok())
+            }
+        };
+        // Whoever had the run is told, and gives up its place.
+        let presence = self.floor().taken_up(self.store.of_all_tenants(), &detail.job, &attached).await?;
+        let place = self.engine.place_or_given_up(place).await?;
         let started = started(&attached, &config, &columns, encoding, start.start_index)?;
         let plan = LivePlan { config, columns, first_index: start.start_index, sensor_time_ns: start.sensor_time_ns };
-        let (intake, run) = self.engine.drive(&detail, &attached, plan, guard, presence).await?;
+        let (intake, run) = self.engine.drive(&detail, &attached, plan, guard, presence, place).await?;
         tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
         self.engine.spawn(take_in(messages, intake));
         let started = stream::once(std::future::ready(Ok(started)));
@@ -147,18 +180,18 @@ impl Api {
         Ok(Box::pin(guarded))
     }
 
-    /// The job of a live run.
-    async fn live_run(&self, name: &str) -> Result<Uuid> {
+    /// A live run.
+    async fn live_run(&self, name: &str) -> Result<Run> {
         let run = self.store.run(run_id(name)?).await?;
         if run.kind != RunKind::Live {
             let message = format!("{name} takes telemetry only and has no setpoints");
             return Err(Error::Precondition { reason: "RUN_NOT_LIVE", subject: name.to_owned(), message });
         }
-        Ok(run.job_id)
+        Ok(run)
     }
 
-    /// Creates a run whose setpoints can follow its decisions.
-    async fn begin_run(&self, detail: &JobDetail, asked: RunSettings) -> Result<AttachedRun> {
+    /// A run to be made, whose setpoints can follow its decisions.
+    async fn new_run(&self, detail: &JobDetail, asked: RunSettings) -> Result<NewRun> {
         let job = detail.job.id;
         let monitoring = config_from_message(&stored::from_stored(self.store.monitoring(job).await?.get())?)?;
         let plans_spindle = self.check_monitoring(detail, &monitoring).await?;
@@ -180,8 +213,7 @@ impl Api {
             .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
         let monitor = if plans_spindle { monitor.planning_spindle() } else { monitor };
         let monitor = monitor.snapshot().map_err(Error::internal)?.into();
-        let new = NewRun { job_id: job, kind: RunKind::Live, settings: stored::to_stored(&settings)?, monitor };
-        Ok(self.store.create_run(new).await?)
+        Ok(NewRun { job_id: job, kind: RunKind::Live, settings: stored::to_stored(&settings)?, monitor })
     }
 
     /// Refuses monitoring whose decisions setpoints cannot follow; whether changes of the spindle speed have to be planned,

@@ -1,8 +1,8 @@
 //! `feedwave.v1.Telemetry`.
 
 use feedwave_contract::convert::{
-    monitoring_from_proto, monitoring_to_proto, overrides_to_proto, recording_from_proto, recording_to_proto,
-    state_to_proto as monitor_state_to_proto, timestamp,
+    check_printable, monitoring_from_proto, monitoring_to_proto, overrides_to_proto, recording_from_proto,
+    recording_to_proto, state_to_proto as monitor_state_to_proto, timestamp,
 };
 use feedwave_contract::proto::ingest_request::Message as RequestMessage;
 use feedwave_contract::proto::ingest_response::Message;
@@ -17,8 +17,9 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::{names, proto};
 use feedwave_monitoring::{Monitor, MonitoringConfig, Recorder, RecordingLimits};
-use feedwave_store::{AttachedRun, NewRun, Run as RunRecord, RunKind};
+use feedwave_store::{AttachedRun, Job as JobRecord, JobState, NewRun, Run as RunRecord, RunKind};
 use futures_util::{StreamExt as _, stream};
+use tokio::sync::OwnedSemaphorePermit;
 use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
 
@@ -138,6 +139,8 @@ impl Api {
         if characters > MAX_NOTE_CHARACTERS {
             violations.add("note", format!("must have at most {MAX_NOTE_CHARACTERS} characters, has {characters}"));
         }
+        check_printable(&mut violations, "acknowledged_by", &by);
+        check_printable(&mut violations, "note", &note);
         violations.finish()?;
         let id = id.ok_or_else(|| Error::internal("a request was neither accepted nor refused"))?;
         let condition = self.store.acknowledge_condition(id, decision_number, by, note).await?;
@@ -197,9 +200,11 @@ impl Api {
         self.caller.concerns(names::job(job));
         let record = self.store.job(job).await?;
         self.caller.check_machine(&record.machine_id)?;
-        let attached = self.attach(target, job, recording).await?;
+        let (attached, place) = self.attach(target, &record, recording).await?;
+        // Whoever had the run is told, and gives up its place.
         let presence = self.floor().taken_up(self.store.of_all_tenants(), &record, &attached).await?;
-        let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard, presence).await?;
+        let place = self.engine.place_or_given_up(place).await?;
+        let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard, presence, place).await?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
         let started = started(&attached)?;
         self.engine.spawn(take_in(messages, intake, self.caller.work()));
@@ -211,17 +216,21 @@ impl Api {
         Ok(Box::pin(guarded))
     }
 
-    /// The run that a client begins or takes up.
-    async fn attach(&self, target: &Target, job: Uuid, recording: Option<RecordingLimits>) -> Result<AttachedRun> {
-        if let Target::Run(name) = target {
-            let id = names::parse_run(name).map_err(|error| Error::invalid("start.run", error.to_string()))?;
-            return Ok(self.store.attach_run(id).await?);
-        }
-        let state = self.store.job(job).await?.state;
-        if state != feedwave_store::JobState::Ready {
+    /// The run that a client begins or takes up, and a place among those in progress where there is one.
+    async fn attach(
+        &self,
+        target: &Target,
+        &JobRecord { id: job, state, .. }: &JobRecord,
+        recording: Option<RecordingLimits>,
+    ) -> Result<(AttachedRun, Option<OwnedSemaphorePermit>)> {
+        if state != JobState::Ready {
             let subject = names::job(job);
             let message = format!("{subject} is {state}, only a ready job can be run");
             return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
+        }
+        if let Target::Run(name) = target {
+            let id = names::parse_run(name).map_err(|error| Error::invalid("start.run", error.to_string()))?;
+            return Ok((self.store.attach_run(id).await?, self.engine.run_place().ok()));
         }
         let monitoring: proto::MonitoringConfig = stored::from_stored(self.store.monitoring(job).await?.get())?;
         let config = config_from_message(&monitoring)?;
@@ -232,7 +241,10 @@ impl Api {
         let recording = recording.as_ref().map(recording_to_proto);
         let settings = RunSettings { monitoring: Some(monitoring), recording, ..RunSettings::default() };
         let settings = stored::to_stored(&settings)?;
-        Ok(self.store.create_run(NewRun { job_id: job, kind: RunKind::Telemetry, settings, monitor }).await?)
+        // No run is made that there is no place for.
+        let place = self.engine.run_place()?;
+        let new = NewRun { job_id: job, kind: RunKind::Telemetry, settings, monitor };
+        Ok((self.store.create_run(new).await?, Some(place)))
     }
 }
 

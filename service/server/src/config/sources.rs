@@ -86,6 +86,8 @@ fn place_of(metadata: Option<&figment::Metadata>, key: &str) -> String {
         Some(metadata) if metadata.name.contains("environment") => {
             format!("environment variable {ENV_PREFIX}{}", key.to_ascii_uppercase().replace('.', "__"))
         }
+        // What nobody has set is named by its type.
+        Some(metadata) if metadata.name.contains("::") => "default value".to_owned(),
         Some(metadata) => metadata.name.to_string(),
         None => "configuration".to_owned(),
     }

@@ -6,6 +6,7 @@
 
 mod checkpoint;
 mod feed;
+mod handed_out;
 mod receipts;
 mod replay;
 mod setpoints;
@@ -35,6 +36,7 @@ use crate::observability::metrics::GaugeGuard;
 pub(crate) use feed::feed_change_to_proto;
 use feedwave_contract::proto;
 use feedwave_contract::stream::ColumnSet;
+pub(crate) use handed_out::HandedOut;
 use proto::run_response::Message;
 use receipts::Receipts;
 use setpoints::Setpoints;
@@ -127,7 +129,7 @@ impl Engine {
     /// Goes on with a live run that `guard` registers work on its job for, and that the floor sees as `presence`.
     ///
     /// # Errors
-    /// [`Error::Overloaded`] when too many runs are in progress, and those of the store.
+    /// Those of the store.
     pub(crate) async fn drive(
         &self,
         detail: &JobDetail,
@@ -135,9 +137,10 @@ impl Engine {
         plan: LivePlan,
         guard: JobGuard,
         presence: Presence,
+        place: OwnedSemaphorePermit,
     ) -> Result<(LiveIntake, LiveRun)> {
         let inner = &self.inner;
-        let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard).await?;
+        let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard, place).await?;
         let feed = Feed::new(&attached.overrides)?;
         let view = LiveView::new(presence, &plan.config, inner.metrics.clone());
         let first_index = plan.first_index;
@@ -158,8 +161,10 @@ impl Engine {
         // The client says that it has the setpoints before the first that it asks for.
         let receipts = Receipts::new(received.max(first_index), inner.limits.receipt_patience());
         let gate = Gate::new(inner.limits.receipt_patience());
-        let mut worker =
-            Worker::new(session, generator, feed, gate, view, receipts, input, outlet, ends, runtime, metrics);
+        let handed_out = inner.handed_out.of_run(attached, first_index);
+        let mut worker = Worker::new(
+            session, generator, feed, gate, view, receipts, input, outlet, ends, runtime, metrics, handed_out,
+        );
         let active = GaugeGuard::new(&inner.metrics.active_runs);
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);

@@ -4,7 +4,7 @@
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use feedwave_contract::names;
 use feedwave_contract::proto;
@@ -14,6 +14,7 @@ use futures_util::Stream;
 use proto::ingest_response::Message;
 use tokio::runtime::Handle;
 use tokio::sync::{OwnedSemaphorePermit, mpsc};
+use tokio::time::timeout;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
 use super::session::Session;
@@ -29,6 +30,9 @@ const BATCHES_IN_FLIGHT: usize = 8;
 const BATCHES_PER_GROUP: usize = 64;
 /// Messages that wait for the connection. A client that leaves more unread is not listening to decisions.
 const MESSAGES_IN_FLIGHT: usize = 1024;
+
+/// How long the stream that had a run before may take to give up its place.
+const GIVING_UP: Duration = Duration::from_secs(5);
 
 /// What the connection brings.
 #[derive(Debug)]
@@ -121,22 +125,44 @@ pub(super) struct RunWork {
 }
 
 impl Engine {
-    /// Begins work on a run that `guard` registers work on its job for.
+    /// A place for a run that is to begin.
     ///
     /// # Errors
-    /// [`Error::Overloaded`] when too many runs are in progress.
+    /// [`Error::Overloaded`] when too many are in progress.
+    pub(crate) fn run_place(&self) -> Result<OwnedSemaphorePermit> {
+        self.inner.run_places.clone().try_acquire_owned().map_err(|_| self.too_many_runs())
+    }
+
+    /// The place for a run that was taken up: where there is none yet, that of the stream that had it before, which gives it up.
+    ///
+    /// # Errors
+    /// [`Error::Overloaded`] when too many others are in progress.
+    pub(crate) async fn place_or_given_up(&self, place: Option<OwnedSemaphorePermit>) -> Result<OwnedSemaphorePermit> {
+        if let Some(place) = place {
+            return Ok(place);
+        }
+        let given_up = timeout(GIVING_UP, self.inner.run_places.clone().acquire_owned()).await;
+        given_up.ok().and_then(Result::ok).ok_or_else(|| self.too_many_runs())
+    }
+
+    fn too_many_runs(&self) -> Error {
+        Error::Overloaded { what: "runs in progress", limit: self.inner.limits.concurrent_runs as u64 }
+    }
+
+    /// Begins work on a run that `guard` registers work on its job for, at its place among the runs in progress.
+    ///
+    /// # Errors
+    /// Those of the store.
     pub(super) async fn work_on(
         &self,
         attached: &AttachedRun,
         sensor_time_ns: Option<u64>,
         guard: &JobGuard,
+        place: OwnedSemaphorePermit,
     ) -> Result<RunWork> {
         let inner = &self.inner;
         let mut session = Session::new(inner.store.clone(), attached, sensor_time_ns, inner.commit_grid)?;
         session.record(attached).await?;
-        let limit = inner.limits.concurrent_runs as u64;
-        let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
-        let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
         let ends = RunEnds {
             job: guard.token().clone(),
             job_name: names::job(attached.run.job_id),
@@ -149,16 +175,17 @@ impl Engine {
     /// without its end leaves the run open.
     ///
     /// # Errors
-    /// [`Error::Overloaded`] when too many runs are in progress.
+    /// Those of the store.
     pub(crate) async fn ingest(
         &self,
         attached: &AttachedRun,
         sensor_time_ns: Option<u64>,
         guard: JobGuard,
         presence: Presence,
+        place: OwnedSemaphorePermit,
     ) -> Result<(Intake, Ingestion)> {
         let inner = &self.inner;
-        let RunWork { session, place, ends } = self.work_on(attached, sensor_time_ns, &guard).await?;
+        let RunWork { session, place, ends } = self.work_on(attached, sensor_time_ns, &guard, place).await?;
         let left = CancellationToken::new();
         let (sender, input) = mpsc::channel(BATCHES_IN_FLIGHT);
         let (outlet, messages) = mpsc::channel(MESSAGES_IN_FLIGHT);

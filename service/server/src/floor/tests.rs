@@ -50,6 +50,7 @@ fn run(id: u128, sequence: i64, state: RunState) -> Run {
         newest_batch: None,
         setpoints: RunSetpoints { received: 7, sent: 9, digest: None },
         settings: RawValue::from_string("{}".to_owned()).unwrap(),
+        attachment: 1,
         open_conditions: 0,
     }
 }

@@ -10,6 +10,9 @@ use prost_types::Timestamp;
 use super::HttpError;
 use crate::error::Violations;
 
+/// The first time that a timestamp of the contract has.
+const YEAR_1: jiff::Timestamp = jiff::Timestamp::constant(-62_135_596_800, 0);
+
 /// The parameters not taken yet.
 pub(super) struct Query {
     parameters: BTreeMap<String, Vec<String>>,
@@ -79,8 +82,9 @@ impl Query {
         if text.is_empty() {
             return None;
         }
-        let time = self.violations.check(name, text.parse::<jiff::Timestamp>())?;
-        Some(convert::timestamp(time.as_microsecond()))
+        let time = text.parse::<jiff::Timestamp>().ok().filter(|time| *time >= YEAR_1);
+        let time = time.ok_or("must be a time such as 2026-01-31T08:00:00Z, from 0001-01-01 to 9999-12-30");
+        Some(convert::timestamp(self.violations.check(name, time)?.as_microsecond()))
     }
 
     /// Ends the reading: what was not taken is not known.
@@ -120,5 +124,17 @@ mod tests {
         let Err(HttpError(Error::Invalid(violations))) = query.finish() else { panic!("accepted") };
         let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
         assert_eq!(fields, ["pageSize", "states", "createdFrom", "colour"]);
+    }
+
+    #[test]
+    fn times_that_the_contract_does_not_have_are_refused_in_words() {
+        for text in ["9999-12-31T23:59:59Z", "-009999-01-02T01:59:59Z", "0000-12-31T23:59:59Z"] {
+            let mut query = Query::parse(Some(&format!("createdBefore={text}")));
+            assert_eq!(query.time("createdBefore"), None);
+            let Err(HttpError(Error::Invalid(violations))) = query.finish() else { panic!("accepted") };
+            assert!(violations.as_slice()[0].description.contains("0001-01-01 to 9999-12-30"), "{text}");
+        }
+        let mut query = Query::parse(Some("createdFrom=0001-01-01T00:00:00Z"));
+        assert_eq!(query.time("createdFrom").unwrap().seconds, -62_135_596_800);
     }
 }

@@ -1,11 +1,13 @@
 //! Jobs: created, validated, watched, listed, cancelled, deleted.
 
 use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::validate_program_request::On;
 use feedwave_contract::proto::{
-    CancelJobRequest, CreateJobRequest, CreateToolRequest, DeleteJobRequest, GetJobRequest, GetMachineRequest,
-    GetReportRequest, JobState, ListJobEventsRequest, ListJobsRequest, ProgramFile, Severity, Tool,
-    UpdateMachineRequest, ValidateProgramRequest, VibrationEnvelope, WatchJobsRequest,
+    CancelJobRequest, CreateJobRequest, CreateMachineRequest, CreateToolRequest, DeleteJobRequest,
+    DeleteMachineRequest, GetJobRequest, GetMachineRequest, GetProgramRequest, GetReportRequest, JobState,
+    ListJobEventsRequest, ListJobsRequest, Machine, ProgramFile, Severity, Tool, UpdateMachineRequest,
+    ValidateProgramRequest, VibrationEnvelope, WatchJobsRequest,
 };
 use feedwave_server::config::Limits;
 use tonic::Code;
@@ -114,6 +116,35 @@ async fn a_repeated_request_returns_the_first_job() {
     let status = test.jobs().create_job(other).await.unwrap_err();
     assert_eq!(told(&status).0, Code::AlreadyExists);
     assert_eq!(told(&status).1, "REQUEST_ID_REUSED");
+}
+
+/// The answer to the first may have been lost, and anything may have happened since.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_repeated_request_changes_nothing_and_needs_nothing() {
+    let test = TestServer::start().await;
+    let name = "machines/only-now".to_owned();
+    let lathe = GetMachineRequest { name: "machines/lathe".to_owned() };
+    let machine = test.machines().get_machine(lathe).await.unwrap().into_inner().machine.unwrap();
+    let machine = Some(Machine { name: String::new(), etag: String::new(), ..machine });
+    let request = CreateMachineRequest { machine_id: "only-now".to_owned(), machine };
+    test.machines().create_machine(request).await.unwrap();
+    let request = CreateJobRequest {
+        request_id: "order-4712".to_owned(),
+        machine: name.clone(),
+        file_name: "first.nc".to_owned(),
+        ..lathe_job(TURNING)
+    };
+    let first = test.create(request.clone()).await;
+    test.machines().delete_machine(DeleteMachineRequest { name, ..Default::default() }).await.unwrap();
+    test.create(CreateJobRequest { file_name: "newer.nc".to_owned(), ..lathe_job(TURNING) }).await;
+    assert_eq!(test.create(request.clone()).await.name, first.name);
+    let reused = CreateJobRequest { file_name: "third.nc".to_owned(), ..request };
+    let status = test.jobs().create_job(reused).await.unwrap_err();
+    assert_eq!(told(&status).1, "REQUEST_ID_REUSED");
+    let program = GetProgramRequest { name: first.program };
+    let program =
+        ProgramsClient::new(test.channel.clone()).get_program(program).await.unwrap().into_inner().program.unwrap();
+    assert_eq!(program.file_name, "newer.nc");
 }
 
 #[tokio::test(flavor = "multi_thread")]

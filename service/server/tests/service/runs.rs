@@ -5,11 +5,13 @@ use feedwave_contract::proto::run_request::Message as Request;
 use feedwave_contract::proto::run_response::Message;
 use feedwave_contract::proto::run_start::Target;
 use feedwave_contract::proto::runs_client::RunsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
-    DecisionAction, DecisionReason, Escalation, EscalationAction, FeedChangeCause, FeedOverrideChange, FeedRule,
-    GetRunRequest, MonitoringConfig, OverrideBounds, ReplayRunRequest, ReplayRunResponse, RunCommand, RunCommandKind,
-    RunCommandRefused, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest, RunResponse, RunSettings, RunStart,
-    RunStarted, RunState, SetMonitoringRequest, SetpointChunk, StreamSetpointsRequest, TelemetryBatch, ToolCheck,
+    ColumnKind, DecisionAction, DecisionReason, Escalation, EscalationAction, FeedChangeCause, FeedOverrideChange,
+    FeedRule, GetRunRequest, ListRunsRequest, MonitoringConfig, OverrideBounds, ReplayRunRequest, ReplayRunResponse,
+    RunCommand, RunCommandKind, RunCommandRefused, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest,
+    RunResponse, RunSettings, RunStart, RunStarted, RunState, SetMonitoringRequest, SetpointChunk,
+    StreamSetpointsRequest, TelemetryBatch, ToolCheck,
 };
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -424,6 +426,79 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     let decisions = monitoring.list_decisions(list).await.unwrap().into_inner().decisions;
     let outcome = decisions.last().unwrap().outcome.unwrap();
     assert_eq!((outcome.action(), outcome.reason()), (DecisionAction::Stop, DecisionReason::ReplaceTool));
+}
+
+/// How many runs there are.
+async fn run_count(server: &TestServer) -> usize {
+    let mut client = TelemetryClient::new(server.channel.clone());
+    client.list_runs(ListRunsRequest::default()).await.unwrap().into_inner().runs.len()
+}
+
+/// Neither is the run taken from whoever has it, nor does it go on behind setpoints that nobody was sent, nor is one made.
+#[tokio::test]
+async fn a_start_that_is_refused_changes_nothing() {
+    let server = TestServer::start().await;
+    let (_, job) = monitored_job(&server, config(), PART).await;
+    let mut client = RunsClient::new(server.channel.clone());
+    let mut run = LiveRun::begin(&mut client, &job.name).await;
+    run.credit(1_000).await;
+    run.reach(1_000).await;
+    let again = RunStart { target: Some(Target::Run(run.started.run.clone())), ..Default::default() };
+    let unfit = vec![ColumnKind::ServoAmplitude.into()];
+    for (start, code) in [
+        (RunStart { start_index: 1_001, ..again.clone() }, Code::OutOfRange),
+        (RunStart { start_index: u64::MAX, ..again.clone() }, Code::OutOfRange),
+        (RunStart { columns: unfit.clone(), ..again.clone() }, Code::InvalidArgument),
+        (
+            RunStart { target: Some(Target::Job(job.name.clone())), columns: unfit, ..Default::default() },
+            Code::InvalidArgument,
+        ),
+    ] {
+        let refused = LiveRun::open(&mut client, start.clone()).await.err().expect("refused");
+        assert_eq!(refused.code(), code, "{start:?}");
+        if code == Code::OutOfRange {
+            assert_eq!(told(&refused).1, "START_BEYOND_SENT");
+        }
+    }
+    run.credit(1_100).await;
+    run.reach(1_100).await;
+    assert_eq!(run_count(&server).await, 1);
+    let name = run.started.run.clone();
+    let mut second = LiveRun::take_up(&mut client, &name, 1_100).await;
+    second.credit(1_200).await;
+    second.reach(1_200).await;
+    drop((run, second));
+
+    // The log knows it as well, but for what a breakdown may have taken from it.
+    let server = TestServer::in_folder(server.stop().await, feedwave_server::config::Limits::default()).await;
+    let mut client = RunsClient::new(server.channel.clone());
+    let refused = LiveRun::open(&mut client, RunStart { start_index: 1_200 + 16_385, ..again }).await.err();
+    assert_eq!(told(&refused.expect("refused")).1, "START_BEYOND_SENT");
+    let mut third = LiveRun::take_up(&mut client, &name, 1_200).await;
+    third.finish().await;
+}
+
+#[tokio::test]
+async fn a_run_that_there_is_no_place_for_is_not_made() {
+    let limits = feedwave_server::config::Limits { concurrent_runs: 1, ..Default::default() };
+    let server = TestServer::with_limits(limits).await;
+    let (_, job) = monitored_job(&server, config(), PART).await;
+    let mut client = RunsClient::new(server.channel.clone());
+    let mut run = LiveRun::begin(&mut client, &job.name).await;
+    for _ in 0..3 {
+        let start = RunStart { target: Some(Target::Job(job.name.clone())), ..Default::default() };
+        let refused = LiveRun::open(&mut client, start).await.err().expect("refused");
+        assert_eq!(told(&refused).1, "OVERLOADED");
+    }
+    assert_eq!(run_count(&server).await, 1);
+    // The stream that has it gives its place up to the one that takes it up, also when nothing else wakes it.
+    run.credit(100).await;
+    run.reach(100).await;
+    run.command(RunCommandKind::Hold).await;
+    run.change().await;
+    let mut second = LiveRun::take_up(&mut client, &run.started.run, 100).await;
+    second.command(RunCommandKind::Resume).await;
+    second.finish().await;
 }
 
 #[tokio::test]

@@ -9,11 +9,11 @@ use feedwave_contract::proto::machine_event::Event;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::window_length::Length;
 use feedwave_contract::proto::{
-    AcknowledgeConditionRequest, ChannelPair, Decision, DecisionAction, DecisionReason, DecisionRules, Escalation,
-    FeedRule, GetMonitoringRequest, GetRunRequest, HoldReason, IngestEnd, IngestRequest, IngestResponse, IngestStart,
-    IngestStarted, Job, ListDecisionsRequest, MachineEvent, MonitorState, MonitoringConfig, OverrideBound,
-    OverrideBounds, Run, RunState, SetMonitoringRequest, SilenceFallback, TelemetryAck, TelemetryBatch,
-    WatchDecisionsRequest, WindowLength,
+    AcknowledgeConditionRequest, CancelJobRequest, ChannelPair, Decision, DecisionAction, DecisionReason,
+    DecisionRules, Escalation, FeedRule, GetMonitoringRequest, GetRunRequest, HoldReason, IngestEnd, IngestRequest,
+    IngestResponse, IngestStart, IngestStarted, Job, ListDecisionsRequest, MachineEvent, MonitorState,
+    MonitoringConfig, OverrideBound, OverrideBounds, Run, RunState, SetMonitoringRequest, SilenceFallback,
+    TelemetryAck, TelemetryBatch, WatchDecisionsRequest, WindowLength,
 };
 use feedwave_tests::live_config;
 use tokio::sync::mpsc;
@@ -270,6 +270,10 @@ async fn a_held_feed_needs_an_acknowledgement_and_a_resume_also_after_a_restart(
     let nobody = AcknowledgeConditionRequest { note: "n".repeat(1_001), ..seen("7", None, " ") };
     let (code, _, fields) = told(&client.acknowledge_condition(nobody).await.unwrap_err());
     assert_eq!((code, &fields[..]), (Code::InvalidArgument, &["run", "acknowledged_by", "note"].map(String::from)[..]));
+    // What would change the terminal of another.
+    let forged = AcknowledgeConditionRequest { note: "a\nb".to_owned(), ..seen(&run, None, "Eve\u{1b}[31m") };
+    let (code, _, fields) = told(&client.acknowledge_condition(forged).await.unwrap_err());
+    assert_eq!((code, &fields[..]), (Code::InvalidArgument, &["acknowledged_by", "note"].map(String::from)[..]));
     let (code, _, _) = told(&client.acknowledge_condition(seen(&run, Some(4), "Ada")).await.unwrap_err());
     assert_eq!(code, Code::NotFound);
     // The first acknowledgement stays.
@@ -419,6 +423,19 @@ async fn whoever_takes_a_run_up_last_has_it() {
     second.finish().await;
     let status = Session::open(&mut client, Target::Run(run)).await.err().unwrap();
     assert_eq!((status.code(), told(&status).1.as_str()), (Code::FailedPrecondition, "RUN_ENDED"));
+}
+
+#[tokio::test]
+async fn a_run_of_a_cancelled_job_is_not_taken_up() {
+    let server = TestServer::start().await;
+    let (mut client, job) = monitored(&server, config()).await;
+    let mut session = Session::open(&mut client, Target::Job(job.name.clone())).await.unwrap();
+    session.send(batch(0, 0.0)).await;
+    session.acknowledged(0).await;
+    server.jobs().cancel_job(CancelJobRequest { name: job.name }).await.unwrap();
+    let run = session.started.run.clone();
+    let status = Session::open(&mut client, Target::Run(run)).await.err().unwrap();
+    assert_eq!((status.code(), told(&status).1.as_str()), (Code::FailedPrecondition, "JOB_NOT_READY"));
 }
 
 #[tokio::test]

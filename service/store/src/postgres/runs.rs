@@ -56,7 +56,7 @@ macro_rules! run_query {
     ($rest:literal) => {
         concat!(
             "SELECT id, tenant, sequence, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
-                setpoints_sent, setpoints_digest, settings, seal,
+                setpoints_sent, setpoints_digest, settings, attachment, seal,
                 (SELECT COUNT(*) FROM run_conditions AS c WHERE c.run_id = runs.id AND c.acknowledged_us IS NULL)
                     AS open_conditions
              FROM runs ",

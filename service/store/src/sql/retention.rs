@@ -22,7 +22,7 @@ const UNUSED: Duration = Duration::from_secs(3_600);
 
 /// Jobs that may go and were changed before a time, `$1`.
 const JOBS: &str = "FROM jobs AS j WHERE j.state IN ('ready', 'rejected', 'cancelled', 'failed') AND j.updated_us < $1
-    AND NOT EXISTS (SELECT 1 FROM runs AS r WHERE r.job_id = j.id AND r.state = 'open')";
+    AND (j.state = 'cancelled' OR NOT EXISTS (SELECT 1 FROM runs AS r WHERE r.job_id = j.id AND r.state = 'open'))";
 const RUNS: &str = "FROM runs AS j WHERE j.state <> 'open' AND j.updated_us < $1";
 const PROGRAMS: &str = "FROM programs AS j WHERE j.created_us < $1
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = j.id)

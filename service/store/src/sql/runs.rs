@@ -56,6 +56,7 @@ pub(crate) fn run(row: &impl Record) -> Result<Run> {
             digest,
         },
         settings: json(row, "settings")?,
+        attachment: unsigned(row, "attachment")?,
         open_conditions: unsigned(row, "open_conditions")?,
     })
 }

@@ -10,7 +10,8 @@ use super::reader::Reader;
 use super::writer::Transaction;
 use crate::error::{Kind, Result, StoreError};
 use crate::jobs::{
-    EventFilter, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport, StoredReport,
+    EventFilter, Fingerprint, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport,
+    StoredReport,
 };
 use crate::page::{Page, PageRequest};
 use crate::sql::fault::is_reference;
@@ -135,12 +136,12 @@ impl Jobs for SqliteStore {
         detail(&row)
     }
 
-    async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<Job>> {
+    async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<(Job, Fingerprint)>> {
         let row = sqlx::query(job_query!("", "WHERE j.request_id = ?"))
             .bind(tenant.key(request_id))
             .fetch_optional(&mut self.reader().await?)
             .await?;
-        row.as_ref().map(job).transpose()
+        row.map(|row| Ok((job(&row)?, Fingerprint::stored(row.try_get("fingerprint")?)))).transpose()
     }
 
     async fn list_jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<Job>> {
@@ -283,11 +284,7 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
         .fetch_optional(&mut tx.connection)
         .await?;
     if let Some(row) = earlier {
-        let earlier = job(&row)?;
-        if row.try_get::<&[u8], _>("fingerprint")? == new.fingerprint.as_bytes() {
-            return Ok(earlier);
-        }
-        return Err(StoreError::Conflict { request_id: new.request_id, job_id: earlier.id });
+        return job(&row)?.repeated(&Fingerprint::stored(row.try_get("fingerprint")?), &new.fingerprint);
     }
     let id = Uuid::now_v7();
     let state = JobState::PendingValidation;

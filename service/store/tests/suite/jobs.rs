@@ -49,7 +49,10 @@ async fn the_same_request_makes_one_job() {
     let ids: HashSet<_> = creations.join_all().await.into_iter().collect();
     assert_eq!(ids.len(), 1);
     assert_eq!(store.events_after(0, &EventFilter::default(), 10).await.unwrap().len(), 1, "one creation is logged");
-    assert_eq!(store.job_by_request(Tenant::DEFAULT, "once").await.unwrap().map(|job| job.id), ids.into_iter().next());
+    assert_eq!(
+        store.job_by_request(Tenant::DEFAULT, "once").await.unwrap().map(|(job, _)| job.id),
+        ids.into_iter().next()
+    );
     assert!(store.job_by_request(Tenant::DEFAULT, "never").await.unwrap().is_none());
 }
 

@@ -106,6 +106,27 @@ async fn a_dry_run_counts_the_programs_of_the_jobs_that_go() {
     assert_eq!(store.remove_expired(&policy(Some(Duration::ZERO))).await.unwrap(), foreseen);
 }
 
+/// Nobody can end their runs any more.
+#[tokio::test]
+async fn open_runs_keep_jobs_that_can_go_on_and_no_others() {
+    let place = Place::new();
+    let store = open(&place).await;
+    let program = store.put_program(Tenant::DEFAULT, noise(1, 100)).await.unwrap().id;
+    let mut jobs = Vec::new();
+    for name in ["goes on", "cancelled"] {
+        let job = ready(&store, new_job(name, program)).await;
+        let new = NewRun { job_id: job, kind: RunKind::Live, settings: json("{}"), monitor: "m".into() };
+        store.create_run(new).await.unwrap();
+        jobs.push(job);
+    }
+    store.transition(jobs[1], &[JobState::Ready], JobState::Cancelled, "", None).await.unwrap();
+    let policy = RetentionPolicy { jobs: Some(Duration::ZERO), ..RetentionPolicy::default() };
+    let foreseen = store.expired(&policy).await.unwrap();
+    assert_eq!((foreseen.jobs, store.remove_expired(&policy).await.unwrap()), (1, foreseen));
+    store.job(jobs[0]).await.unwrap();
+    assert!(matches!(store.job(jobs[1]).await, Err(StoreError::NotFound { .. })));
+}
+
 #[tokio::test]
 async fn what_is_removed_of_a_log_is_known_afterwards() {
     let place = Place::new();

@@ -89,7 +89,7 @@ async fn lists_counts_and_logs_are_of_one_tenant() {
         let listed = store.list_jobs(&filter, &PageRequest::default()).await.unwrap().items;
         assert_eq!(listed.iter().map(|job| job.id).collect::<Vec<_>>(), [job.id]);
         assert_eq!(listed[0].owner, format!("planner of {tenant}"));
-        assert_eq!(store.job_by_request(tenant, "the same").await.unwrap().unwrap().id, job.id);
+        assert_eq!(store.job_by_request(tenant, "the same").await.unwrap().unwrap().0.id, job.id);
         let state = store.job(job.id).await.unwrap().state;
         assert_eq!(store.count_jobs(Some(tenant)).await.unwrap(), [(state, 1)]);
         let filter = EventFilter { tenant: Some(tenant), job_id: None };

@@ -12,6 +12,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
 use super::checkpoint;
 use super::feed::{Cause, Feed, feed_change_to_proto};
+use super::handed_out::{MOST_UNCOMMITTED, RunHandedOut};
 use super::receipts::Receipts;
 use super::setpoints::{Next, Setpoints};
 use super::spindle::{Gate, change_of};
@@ -68,6 +69,7 @@ pub(super) struct Worker {
     total: Option<u64>,
     /// Setpoints as they became durable last.
     durable: RunSetpoints,
+    handed_out: RunHandedOut,
 }
 
 impl Worker {
@@ -84,6 +86,7 @@ impl Worker {
         ends: RunEnds,
         runtime: Handle,
         metrics: Arc<Metrics>,
+        handed_out: RunHandedOut,
     ) -> Self {
         let slots = Arc::new(Semaphore::new(CHUNKS_IN_FLIGHT));
         let durable = RunSetpoints { received: receipts.received(), ..RunSetpoints::default() };
@@ -104,6 +107,7 @@ impl Worker {
             receipts,
             total: None,
             durable,
+            handed_out,
         }
     }
 
@@ -111,6 +115,9 @@ impl Worker {
         let reached = reached(&self.setpoints, &self.feed, self.receipts.received(), self.total);
         self.view.connect(self.session.monitor(), reached);
         let outcome = self.work();
+        if matches!(outcome, Err(Error::TakenUp { .. } | Error::JobCancelled { .. } | Error::NotFound { .. })) {
+            self.handed_out.forget();
+        }
         self.view.presence.leave(outcome.as_ref().err());
         outcome
     }
@@ -227,13 +234,22 @@ impl Worker {
     /// When something wants to be committed.
     fn commit_at(&self) -> Option<Instant> {
         let waits = self.progress() != self.durable || self.setpoints.has_checkpoint();
-        let progress = (waits && self.is_past_start()).then(|| self.session.next_commit());
+        let progress = (waits && self.is_past_start()).then(|| match self.is_far_ahead() {
+            true => self.session.next_commit().min(Instant::now()),
+            false => self.session.next_commit(),
+        });
         self.session.commit_at().into_iter().chain(progress).min()
     }
 
     /// Before that the digest is of less than the client has.
     fn is_past_start(&self) -> bool {
         self.setpoints.next_index() >= self.setpoints.first_index()
+    }
+
+    /// Whether so much was handed out that the log does not have that it comes first; one more chunk stays within the bound.
+    fn is_far_ahead(&self) -> bool {
+        let durable = self.durable.sent.max(self.setpoints.first_index());
+        self.setpoints.next_index().saturating_sub(durable) >= MOST_UNCOMMITTED / 2
     }
 
     fn wait(&mut self) -> Wake {
@@ -248,7 +264,11 @@ impl Worker {
         let judges = self.gate.is_due(&self.setpoints, &self.session) && open;
         let show = until(self.view.presence.due());
         let within_credit = self.setpoints.next_index() < self.credit_end();
-        let generates = self.open && self.total.is_none() && within_credit && self.gate.is_open(&self.setpoints);
+        let generates = self.open
+            && self.total.is_none()
+            && within_credit
+            && !self.is_far_ahead()
+            && self.gate.is_open(&self.setpoints);
         let (input, ends, slots) = (&mut self.input, &self.ends, self.slots.clone());
         let doubt = self.view.presence.doubt();
         self.runtime.block_on(async {
@@ -379,6 +399,7 @@ impl Worker {
         }
         match next {
             Next::Chunk(chunk) => {
+                self.handed_out.reach(self.setpoints.next_index());
                 self.metrics.setpoints.inc_by(u64::from(chunk.count));
                 self.receipts.owes(Instant::now());
                 self.tell(Message::Chunk(chunk), Some(place))
@@ -438,6 +459,7 @@ impl Worker {
             self.tell(Message::Ack(ack), None)?;
         }
         let Some((state, message)) = end else { return Ok(()) };
+        self.handed_out.forget();
         let reached = reached(&self.setpoints, &self.feed, self.receipts.received(), self.total);
         let at = self.runtime.block_on(self.session.logged_at());
         self.view.end(state, at, self.session.monitor(), reached);

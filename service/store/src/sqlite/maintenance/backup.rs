@@ -14,6 +14,8 @@ pub(crate) async fn backup(path: &Path, to: &Path) -> Result<CopyReport> {
     let mut connection = connect(path).await?;
     let part = beside(to, ".part");
     remove(&part)?;
+    // Made empty before: SQLite would not say which of the two files it cannot open.
+    std::fs::File::create_new(&part).map_err(failed("no file can be created in its folder"))?;
     let report = copy(&mut connection, &part).await?;
     // Not renamed: that would replace a file that came meanwhile.
     std::fs::hard_link(&part, to).map_err(failed("the file cannot be given its name"))?;
