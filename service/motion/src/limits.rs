@@ -178,40 +178,22 @@ pub fn path_limits(element: &Element, machine: &Machine, superposed: PathMotion)
             )?);
         }
     }
-    let beside = || machine.axes.iter().filter(|axis| !is_in_plane(element, axis.axis));
-    let mut unevenness = [0.0; 2];
     if let Curve::Arc(arc) = &element.curve {
         limit_on_arc(&mut limits, arc, element, machine, superposed)?;
-        unevenness = arc.unevenness(element.length);
-    }
-    // On a spiral the axes beside its plane do not go evenly along the path either; a tenth of each limit is enough for that.
-    for axis in beside() {
-        let [bend, change] = unevenness.map(|by_length| by_length * largest[axis.axis.index()]);
-        let (acceleration, jerk) = (UNEVEN_SHARE * axis.max_acceleration_per_s2, UNEVEN_SHARE * axis.max_jerk_per_s3);
-        let path_speed = (acceleration / bend).sqrt().min(libm::cbrt(jerk / change));
-        if path_speed.is_finite() {
-            let left = rest(axis.axis, Quantity::Velocity, path_speed, 1.0, superposed.velocity)?;
-            limits.velocity = limits.velocity.min(left);
+        let unevenness = arc.unevenness(element.length);
+        if unevenness[0] > 0.0 {
+            limit_beside_spiral(&mut limits, unevenness, &largest, element, machine, superposed)?;
+            return Ok(limits);
         }
     }
-    let speed = limits.velocity + superposed.velocity;
-    for axis in beside() {
+    for axis in &machine.axes {
         let share = largest[axis.axis.index()];
-        if share > 0.0 {
-            let [bend, change] = unevenness.map(|by_length| if by_length > 0.0 { by_length * share } else { 0.0 });
-            let [uneven_acceleration, uneven_jerk] =
-                if bend > 0.0 { [speed * speed * bend, speed * speed * speed * change] } else { [0.0; 2] };
-            let acceleration = axis.max_acceleration_per_s2 - uneven_acceleration;
-            let left = rest(axis.axis, Quantity::Acceleration, acceleration, share, superposed.acceleration)?;
-            limits.acceleration = limits.acceleration.min(left);
-            if bend > 0.0 {
-                let most = UNEVEN_SHARE * axis.max_jerk_per_s3 / (3.0 * speed * bend);
-                let left = rest(axis.axis, Quantity::Acceleration, most, 1.0, superposed.acceleration)?;
-                limits.acceleration = limits.acceleration.min(left);
-            }
-            let turned = 3.0 * speed * (limits.acceleration + superposed.acceleration) * bend;
-            let jerk = axis.max_jerk_per_s3 - uneven_jerk - if bend > 0.0 { turned } else { 0.0 };
-            limits.jerk = limits.jerk.min(rest(axis.axis, Quantity::Jerk, jerk, share, superposed.jerk)?);
+        if share > 0.0 && !is_in_plane(element, axis.axis) {
+            let acceleration =
+                rest(axis.axis, Quantity::Acceleration, axis.max_acceleration_per_s2, share, superposed.acceleration)?;
+            let jerk = rest(axis.axis, Quantity::Jerk, axis.max_jerk_per_s3, share, superposed.jerk)?;
+            limits.acceleration = limits.acceleration.min(acceleration);
+            limits.jerk = limits.jerk.min(jerk);
         }
     }
     Ok(limits)
@@ -219,6 +201,40 @@ pub fn path_limits(element: &Element, machine: &Machine, superposed: PathMotion)
 
 /// What of the limits of an axis beside the plane of a spiral may go into its going unevenly along the path.
 const UNEVEN_SHARE: f64 = 0.1;
+
+/// Limits by the axes beside the plane of a spiral, which go unevenly along the path: by the shares of [`Arc::unevenness`] of their own
+/// share of it.
+fn limit_beside_spiral(
+    limits: &mut PathLimits,
+    unevenness: [f64; 2],
+    largest: &Position,
+    element: &Element,
+    machine: &Machine,
+    superposed: PathMotion,
+) -> Result<(), LimitExceeded> {
+    let moved = |axis: &&MachineAxis| largest[axis.axis.index()] > 0.0 && !is_in_plane(element, axis.axis);
+    let beside = || machine.axes.iter().filter(moved);
+    for axis in beside() {
+        let [bend, change] = unevenness.map(|by_share| by_share * largest[axis.axis.index()]);
+        let (acceleration, jerk) = (UNEVEN_SHARE * axis.max_acceleration_per_s2, UNEVEN_SHARE * axis.max_jerk_per_s3);
+        let speed = (acceleration / bend).sqrt().min(libm::cbrt(jerk / change));
+        limits.velocity = limits.velocity.min(rest(axis.axis, Quantity::Velocity, speed, 1.0, superposed.velocity)?);
+    }
+    let speed = limits.velocity + superposed.velocity;
+    for axis in beside() {
+        let share = largest[axis.axis.index()];
+        let [bend, change] = unevenness.map(|by_share| by_share * share);
+        let left = axis.max_acceleration_per_s2 - speed * speed * bend;
+        let along = rest(axis.axis, Quantity::Acceleration, left, share, superposed.acceleration)?;
+        let turned = UNEVEN_SHARE * axis.max_jerk_per_s3 / (3.0 * speed * bend);
+        let turned = rest(axis.axis, Quantity::Acceleration, turned, 1.0, superposed.acceleration)?;
+        limits.acceleration = limits.acceleration.min(along).min(turned);
+        let turned_jerk = 3.0 * speed * (limits.acceleration + superposed.acceleration) * bend;
+        let left = axis.max_jerk_per_s3 - speed * speed * speed * change - turned_jerk;
+        limits.jerk = limits.jerk.min(rest(axis.axis, Quantity::Jerk, left, share, superposed.jerk)?);
+    }
+    Ok(())
+}
 
 fn limit_on_arc(
     limits: &mut PathLimits,
