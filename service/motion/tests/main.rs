@@ -2,6 +2,7 @@
 
 mod chain_limits;
 mod common;
+mod corners_in_curves;
 mod geometry;
 mod kinematics;
 mod least_time;

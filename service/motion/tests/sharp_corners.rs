@@ -2,6 +2,7 @@
 //! tolerance is small for their legs.
 
 use crate::common::{Program, machine, within};
+use crate::corners_in_curves;
 use feedwave_motion::{
     Carried, CornerSpeed, Element, Joining, Machine, MachineAxis, MotionRequest, PathMotion, PathSmoother, Planned,
     Planner, PlannerSettings, Smoothed, limit_pieces, stretches,
@@ -27,7 +28,13 @@ impl Carried for Cut {
 }
 
 /// Time at this feed, mm/min, of a fast plan or of one for the least time, whose speed changes along corners, s.
-fn seconds(program: &Program, control: PathControl, feed: f64, machine: &Machine, corner_speed: CornerSpeed) -> f64 {
+pub(crate) fn seconds(
+    program: &Program,
+    control: PathControl,
+    feed: f64,
+    machine: &Machine,
+    corner_speed: CornerSpeed,
+) -> f64 {
     let joining = Joining { machine, many_blocks: true, corner_speed, corners: None };
     let settings = PlannerSettings::new(machine, 5_000, crate::common::PERIOD_S);
     let mut planner = Planner::<()>::new(match corner_speed {
@@ -55,10 +62,10 @@ fn seconds(program: &Program, control: PathControl, feed: f64, machine: &Machine
 }
 
 /// Numbers that look random, the same everywhere.
-struct Numbers(u64);
+pub(crate) struct Numbers(pub(crate) u64);
 
 impl Numbers {
-    fn next(&mut self) -> f64 {
+    pub(crate) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut mixed = self.0;
         mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -66,18 +73,18 @@ impl Numbers {
         ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    fn within(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.next()
     }
 
     /// Even in its logarithm.
-    fn scale(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn scale(&mut self, low: f64, high: f64) -> f64 {
         low * (high / low).powf(self.next())
     }
 }
 
 /// Legs of lengths, mm, and the turns behind them, rad.
-fn walk(name: &'static str, legs: impl IntoIterator<Item = [f64; 2]>) -> Program {
+pub(crate) fn walk(name: &'static str, legs: impl IntoIterator<Item = [f64; 2]>) -> Program {
     let (mut at, mut heading) = ([0.0_f64; 3], 0.0_f64);
     let blocks = legs.into_iter().map(|[length, turn]| {
         at[0] += length * heading.cos();
@@ -165,7 +172,7 @@ fn shapes(seed: u64) -> Vec<Program> {
 }
 
 /// What `seed` makes of machine and feed, mm/min.
-fn conditions(seed: usize) -> (Machine, f64) {
+pub(crate) fn conditions(seed: usize) -> (Machine, f64) {
     let [acceleration, jerk] = [[1.0, 1.0], [1.0, 5.0], [3.0, 3.0], [0.3, 0.3]][seed % 4];
     let mut machine = machine();
     for axis in &mut machine.axes {
@@ -176,7 +183,7 @@ fn conditions(seed: usize) -> (Machine, f64) {
 }
 
 /// Time with exact stops, and within each of [`TOLERANCES_MM`].
-fn times_s(program: &Program, seed: usize, corner_speed: CornerSpeed) -> (f64, Vec<f64>) {
+pub(crate) fn times_s(program: &Program, seed: usize, corner_speed: CornerSpeed) -> (f64, Vec<f64>) {
     let (machine, feed) = conditions(seed);
     let stop_s = seconds(program, PathControl::ExactStop, feed, &machine, CornerSpeed::Steady);
     let within_s =
@@ -185,7 +192,7 @@ fn times_s(program: &Program, seed: usize, corner_speed: CornerSpeed) -> (f64, V
 }
 
 /// Largest ratio of a time to the least of those before it.
-fn worst_of_larger(stop_s: f64, within_s: &[f64]) -> f64 {
+pub(crate) fn worst_of_larger(stop_s: f64, within_s: &[f64]) -> f64 {
     let (mut least, mut worst) = (stop_s, 0.0_f64);
     for &time_s in within_s {
         worst = worst.max(time_s / least);
@@ -194,7 +201,7 @@ fn worst_of_larger(stop_s: f64, within_s: &[f64]) -> f64 {
     worst
 }
 
-const TOLERANCES_MM: [f64; 8] = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5];
+pub(crate) const TOLERANCES_MM: [f64; 8] = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5];
 
 #[test]
 fn fast_plans_within_a_tolerance_are_no_slower_than_exact_stops() {
@@ -306,10 +313,13 @@ fn in_plans_for_the_least_time_strokes_are_no_slower_with_a_larger_tolerance() {
 fn table() {
     for corner_speed in [CornerSpeed::Steady, CornerSpeed::Changing] {
         println!("{corner_speed:?}");
-        let names = ["u-turn", "raster", "comb", "zigzag", "saw", "square spiral", "walk", "text"];
+        let names =
+            ["u-turn", "raster", "comb", "zigzag", "saw", "square spiral", "walk", "text", "edges", "fillets", "arcs"];
         let mut rows = names.map(|name| (name, 0, [0.0_f64; 2], 0.0));
         for seed in 0..24 {
-            for program in shapes(seed as u64) {
+            let edges = corners_in_curves::all_edges(seed as u64);
+            let fillets = corners_in_curves::all_fillets(seed as u64);
+            for program in shapes(seed as u64).into_iter().chain(edges).chain(fillets) {
                 let (stop_s, within_s) = times_s(&program, seed, corner_speed);
                 let slowest = within_s.iter().copied().fold(0.0, f64::max) / stop_s;
                 let worst = worst_of_larger(stop_s, &within_s);

@@ -9,6 +9,7 @@
 //! are tried where they are. Likewise a plan for the least time of one corner by itself, whether it is rounded or stopped in.
 
 use std::collections::VecDeque;
+use std::mem;
 
 use feedwave_program::{Axis, Position, SourceSpan};
 
@@ -183,8 +184,25 @@ fn is_same(own: &Machine, machine: &Machine) -> bool {
     *own == without_travel(machine)
 }
 
+impl<T: Carried> WayAnswers<T> {
+    /// [`PathSmoother::quickest`] of what `held` holds, where corners that are alike get the same answer.
+    pub(super) fn quickest(
+        &mut self,
+        held: &PathSmoother<T>,
+        open: Option<&Open>,
+        (corners, count): (&[usize], usize),
+        trials: Trials,
+        joining: Joining<'_>,
+    ) -> Answer {
+        match held.question(open, corners, count, trials, joining.corner_speed) {
+            Some(question) => self.to(question, joining.machine, Question::answer),
+            None => held.quickest(open, corners, count, &trials, joining),
+        }
+    }
+}
+
 impl<T: Carried> PathSmoother<T> {
-    /// [`PathSmoother::quickest`], where corners that are alike get the same answer.
+    /// [`WayAnswers::quickest`] of what it holds itself.
     pub(super) fn answer(
         &mut self,
         open: Option<&Open>,
@@ -193,10 +211,10 @@ impl<T: Carried> PathSmoother<T> {
         trials: Trials,
         joining: Joining<'_>,
     ) -> Answer {
-        match self.question(open, corners, count, trials, joining.corner_speed) {
-            Some(question) => self.answers.to(question, joining.machine, Question::answer),
-            None => self.quickest(open, corners, count, &trials, joining),
-        }
+        let mut answers = mem::take(&mut self.answers);
+        let answer = answers.quickest(self, open, (corners, count), trials, joining);
+        self.answers = answers;
+        answer
     }
 
     /// What is to be decided, wherever it lies; `None` where it depends on that.

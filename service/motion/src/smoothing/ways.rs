@@ -7,8 +7,9 @@
 //!
 //! Plans for the least time hardly ever stop between corners that near. They try curves over few blocks, and those most of whose corners
 //! are sharp, against the corners each by itself and as U-turns ([`turn`](super::turn)); under tool centre point control all curves with
-//! sharp corners. In plans of runs the corners behind those that are decided are passed in the same way in the trial: on a path of many
-//! like corners each of them is judged among like ones.
+//! sharp corners. A sharp corner among many blocks is tried by itself, on the blocks round it. In plans of runs the corners behind those that
+//! are decided are passed in the same way in the trial: on a path of many like corners each of them is judged among like ones. There the ends
+//! of a fillet count as sharp corners too, where it is so short for the tolerance that the curve makes no difference between it and a corner.
 //!
 //! Corners between chords of an arc are not tried, however sharp they are: a path that is slow along the arc is slow in all of them.
 //!
@@ -25,7 +26,7 @@ use super::origin::turns_differ;
 use super::turn::TURN_SEEN;
 use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::tolerance::{
-    CORNER_SHARE, CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, LIKE_TURN_SHARE,
+    CHORDS_TRIED, CORNER_SHARE, CORNER_STOP_GAIN, FEW_STOPS_GAIN, LEAST_ALONE_KINK, LEAST_STOP_KINK, LIKE_TURN_SHARE,
     MOST_CHORD_KINK, MOST_MIXED, MOST_TRIED_BLOCKS, MOST_TRIED_IN_LEAST_TIME, MOST_TRIED_TOGETHER, TRAIL,
     TRIED_PERIOD_S, WAYS_SEEN,
 };
@@ -84,7 +85,10 @@ impl<T: Carried> PathSmoother<T> {
             (open.last + WAYS_SEEN, Trials { usual, others, elements: usize::MAX, trail: TRAIL, are_mixed: true })
         } else {
             let are_few = open.last > MOST_TRIED_IN_LEAST_TIME && 2 * sharp < open.last;
-            if are_few || !open.is_at_its_start() {
+            if are_few {
+                return Some(self.part_sharp_corners(open, joining));
+            }
+            if !open.is_at_its_start() {
                 return Some(false);
             }
             let elements = open.last.min(MOST_TRIED_TOGETHER) + 2;
@@ -94,6 +98,11 @@ impl<T: Carried> PathSmoother<T> {
         if self.pending.len() < seen && !is_last {
             return None;
         }
+        // A trial that ended in a fillet would know half of its turn.
+        let last = trials.elements.min(self.pending.len()) - 1;
+        let ends_in_fillet = last > open.last && self.is_at_fillet(last - 1) && self.pending[last].turn_rad() > 0.0;
+        let trials = Trials { elements: last + 1 - usize::from(ends_in_fillet), ..trials };
+        let seen = seen.min(trials.elements - 1);
         let all = self.undecided(seen, LEAST_STOP_KINK);
         let tightest = if is_guided { self.tightest(&all) } else { Vec::new() };
         let sets = [(!is_guided || steady).then_some(all), Some(tightest)];
@@ -114,6 +123,36 @@ impl<T: Carried> PathSmoother<T> {
         let are_joined = found.1.is_empty();
         self.join_open_corners(seen.min(open.last));
         Some(!are_joined)
+    }
+
+    /// Decides which of the few sharp corners among many blocks of a curve stand alone in a plan for the least time; whether there are any.
+    ///
+    /// A curve over blocks that hardly turn bends evenly round a sharp corner as well, where axes that brake and start at constant jerk may
+    /// take less time, though they do it in less room.
+    fn part_sharp_corners(&mut self, open: &Open, joining: Joining<'_>) -> bool {
+        // The curve has been made over what lies before.
+        let mut corners = self.undecided(open.last, LEAST_STOP_KINK);
+        corners.retain(|&index| {
+            let end_mm: f64 = self.pending.iter().take(index + 1).map(|entry| entry.element.length).sum();
+            end_mm > open.made_mm()
+        });
+        let ways: Vec<_> = corners.iter().map(|&index| self.way_among_chords(index, joining)).collect();
+        self.set_ways(&corners, &ways);
+        ways.contains(&Way::Alone)
+    }
+
+    /// Whether a corner is passed in one curve with the blocks round it, as far as the next sharp corners, or alone.
+    fn way_among_chords(&mut self, index: usize, joining: Joining<'_>) -> Way {
+        let goes_on =
+            |&joint: &usize| self.pending[joint].is_joinable() && self.pending[joint].joint.turn() < LEAST_STOP_KINK;
+        let before = (0..index).rev().take(CHORDS_TRIED - 1).take_while(goes_on).count();
+        let behind = (index + 1..self.pending.len()).take(CHORDS_TRIED - 1).take_while(goes_on).count();
+        let pending = self.pending.iter().skip(index - before).take(before + behind + 2).cloned().collect();
+        let held = Self { pending, is_trial: true, ..Self::default() };
+        let (usual, others) = (Way::Joined, &[Way::Alone]);
+        let trials = Trials { usual, others, elements: usize::MAX, trail: 0, are_mixed: false };
+        let (ways, _) = self.answers.quickest(&held, None, (&[before], 1), trials, joining);
+        ways[0]
     }
 
     /// Decides how the first corners are passed, of which the first is in no curve; whether more of the path has to be known for that.
@@ -148,12 +187,19 @@ impl<T: Carried> PathSmoother<T> {
 
     /// The sharp corners among the first joints that may be passed in any way.
     fn open_corners(&self, joints: usize, least_kink: f64) -> impl Iterator<Item = (usize, &Entry<T>)> {
-        let is_open = move |joint: &Joint| match *joint {
-            Joint::Corner { kink, way, .. } => kink >= least_kink && way == Way::Open,
-            Joint::Unknown | Joint::Fixed => false,
-        };
         let first = self.pending.iter().take(joints).take_while(|entry| entry.is_joinable()).enumerate();
-        first.filter(move |(_, entry)| is_open(&entry.joint))
+        first.filter(move |&(index, entry)| match entry.joint {
+            Joint::Corner { kink, way, .. } => way == Way::Open && (kink >= least_kink || self.is_at_fillet(index)),
+            Joint::Unknown | Joint::Fixed => false,
+        })
+    }
+
+    /// Whether a fillet that is as sharp as a corner begins or ends behind an element. In plans for the least time it is as fast in a curve.
+    fn is_at_fillet(&self, index: usize) -> bool {
+        let (Some(before), Some(after)) = (self.pending.get(index), self.pending.get(index + 1)) else { return false };
+        let reach_mm = before.reach_mm().unwrap_or(0.0);
+        let is_fillet = before.is_tight(after, reach_mm) || after.is_tight(before, reach_mm);
+        is_fillet && before.corner_speed == CornerSpeed::Steady
     }
 
     /// Those of them that are to be tried: all but the ones between chords of an arc.

@@ -30,7 +30,7 @@ use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::Curve;
 use crate::tolerance::{
     ALONE_SHARE, CORNER_SHARE, CURVE_BLOCKS, CURVE_KNOTS, CURVE_LINK_SHARE, CURVE_MOST_END_MM, CURVE_RAMP_LINK_SHARE,
-    CURVE_SETTLED_SHARE, LEAST_CURVE_TOLERANCE_MM, LIKE_SHARE, TANGENT_TOLERANCE_RAD,
+    CURVE_SETTLED_SHARE, LEAST_CURVE_TOLERANCE_MM, LEAST_STOP_KINK, LIKE_SHARE, TANGENT_TOLERANCE_RAD,
 };
 
 /// A curve in progress: its first element is the first that is held.
@@ -51,6 +51,11 @@ impl Open {
     pub(super) fn on<T>(&self, front: &Entry<T>) -> Option<Self> {
         let start = State { is_free: self.start.is_free, ..exact(&front.element, 0.0) };
         self.is_at_its_start().then_some(Self { start, rest: Vec::new(), last: self.last, next_try: self.next_try })
+    }
+
+    /// Up to where the window before has made it, from the start of the first element, mm.
+    pub(super) fn made_mm(&self) -> f64 {
+        self.rest.last().map_or(0.0, |span| span.to)
     }
 
     /// Whether nothing of it is settled.
@@ -102,14 +107,20 @@ impl<T: Carried> Entry<T> {
     }
 
     /// Angle that it turns, rad.
-    fn turn_rad(&self) -> f64 {
+    pub(super) fn turn_rad(&self) -> f64 {
         match &self.element.curve {
             Curve::Arc(arc) => arc.sweep_rad.abs(),
             _ => 0.0,
         }
     }
 
-    fn reach_mm(&self) -> Option<f64> {
+    /// Whether it is a fillet that is as sharp as a corner, seen from a joint to an element beside it that reaches this far, mm.
+    pub(super) fn is_tight(&self, beside: &Self, reach_mm: f64) -> bool {
+        let stands_out = self.turn_rad() * beside.element.length >= 2.0 * beside.turn_rad() * self.element.length;
+        stands_out && self.turn_rad() >= LEAST_STOP_KINK && self.full_length_mm <= reach_mm
+    }
+
+    pub(super) fn reach_mm(&self) -> Option<f64> {
         match self.joint {
             Joint::Corner { reach_mm, .. } => Some(reach_mm),
             Joint::Unknown | Joint::Fixed => None,
