@@ -93,6 +93,7 @@ async fn what_cannot_be_answered_is_refused_in_the_same_vocabulary() {
     }
     let posted = web.send("POST", "/v1/jobs", &[], Bytes::from_static(b"{}")).await;
     assert_eq!((posted.status, posted.header("allow")), (StatusCode::METHOD_NOT_ALLOWED, "GET,HEAD"));
+    assert_eq!(posted.json()["details"][0]["reason"], "NOT_SERVED", "{posted:?}");
 }
 
 #[tokio::test]

@@ -64,7 +64,9 @@ fn everything() -> Vec<TelemetryBatch> {
             Some(Fault::NotANumber) => tool.x.fill(f64::NAN),
             Some(Fault::Infinite) => tool.x.fill(f64::NEG_INFINITY),
             Some(Fault::Stuck) => tool.x.fill(1.25),
-            Some(Fault::SensorLost) => batch.tool = None,
+            Some(Fault::SensorLost) if sequence % 2 == 0 => batch.tool = None,
+            // One of its two sensors.
+            Some(Fault::SensorLost) => tool.y.clear(),
             Some(Fault::BackInTime) => batch.time_ns.iter_mut().for_each(|time_ns| *time_ns -= 500_000_000),
             Some(Fault::Missing) => continue,
             Some(Fault::Swapped) | None => {}

@@ -95,6 +95,16 @@ fn a_spindle_speed_names_the_amplitude_that_a_feed_per_minute_needs_there() {
 }
 
 #[test]
+fn at_constant_surface_speed_no_other_speed_is_offered() {
+    let program = "G50 S2000\nG96 S150 M3\nG0 X40 Z2\nG200 F60 A0.05\nG1 X20 Z-20 F0.12\nG201\nM30\n";
+    let report = validate(program, &lathe(&[]));
+    let said = format!("{:?}", the_finding(&report, "VIB-CHIP-UNBROKEN"));
+    // It was said that the section had too many blocks.
+    assert!(said.contains("at constant surface speed (G96) the spindle has no speed of its own"), "{said}");
+    assert!(!said.contains("too many"), "{said}");
+}
+
+#[test]
 fn the_feed_that_is_offered_serves_at_the_largest_permitted_override() {
     let program = |feed: f64| section("G200 F30 A0.02", &format!("F{feed}"), 1_000).replace("M3", "G98\nM3");
     let config = lathe(&[(0, 0.3)]);

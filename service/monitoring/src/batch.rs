@@ -49,14 +49,14 @@ impl Batch<'_> {
             return Err(BatchError::TooLarge { samples, limit: MAX_BATCH_SAMPLES });
         }
         let pairs = [
-            ("tool", self.tool),
-            ("work", self.work),
-            ("commanded", self.commanded),
-            ("velocity", self.velocity_mm_per_s),
+            (["tool.x", "tool.y"], self.tool),
+            (["work.x", "work.y"], self.work),
+            (["commanded.x", "commanded.y"], self.commanded),
+            (["velocity.x", "velocity.y"], self.velocity_mm_per_s),
         ];
-        let pairs = pairs.into_iter().filter_map(|(name, pair)| pair.map(|pair| (name, pair)));
+        let pairs = pairs.into_iter().filter_map(|(names, pair)| pair.map(|pair| (names, pair)));
         let lengths = pairs
-            .flat_map(|(name, pair)| [(name, pair.x.len()), (name, pair.y.len())])
+            .flat_map(|([x, y], pair)| [(x, pair.x.len()), (y, pair.y.len())])
             .chain(self.spindle_angle_deg.map(|column| ("spindle_angle_deg", column.len())))
             .chain(self.spindle_rev_per_min.map(|column| ("spindle_rev_per_min", column.len())))
             .chain(self.contact.map(|column| ("contact", column.len())))

@@ -103,7 +103,7 @@ pub enum HoldReason {
     PointsMissing,
     /// The baseline belongs to another tool.
     OtherTool,
-    /// The spectrum is not complete.
+    /// The spectrum is not complete, or nothing in it is above the noise floor, where a frequency is judged.
     NoSpectrum,
 }
 

@@ -218,6 +218,13 @@ fn vibration_is_compared_like_deviation() {
     inputs.rules.property = Property::VibrationFrequency;
     (inputs.rules.feed.lower, inputs.rules.feed.upper) = (430.0, 600.0);
     assert_eq!(decide(&inputs).reason, Reason::FeedBelowLimit);
+    // Noise has a largest line too, anywhere.
+    let noise = Some(SpectralLine { amplitude: 1e-6, origin: LineOrigin::Noise, ..line });
+    inputs.evidence = Evidence::Process(Properties { max_deviation: 0.005, mean_angle: None, line: noise });
+    for limits in [(430.0, 600.0), (50.0, 150.0), (400.0, 500.0)] {
+        (inputs.rules.feed.lower, inputs.rules.feed.upper) = limits;
+        keeps(&decide(&inputs), Action::Hold, Reason::Data(HoldReason::NoSpectrum));
+    }
 }
 
 #[test]

@@ -171,6 +171,9 @@ pub enum Error {
         /// The configuration key that says so.
         key: &'static str,
     },
+    /// A path of the HTTP port was asked by another method than GET and HEAD.
+    #[error("this path is only read: use GET or HEAD")]
+    OnlyRead,
     /// What the transport says: it could not read a message, or knows no such method.
     #[error("{}", .0.message())]
     Transport(Status),
@@ -220,6 +223,7 @@ impl Error {
             Self::PermissionDenied { .. } | Self::TenantDenied { .. } | Self::HostDenied => Code::PermissionDenied,
             Self::Draining | Self::StoreUnavailable(_) | Self::CutOff | Self::KeysUnavailable => Code::Unavailable,
             Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
+            Self::OnlyRead => Code::Unimplemented,
             Self::Transport(status) => status.code(),
             Self::Damaged(_) => Code::DataLoss,
             Self::Internal(_) => Code::Internal,
@@ -248,6 +252,7 @@ impl Error {
             Self::Draining => "SERVER_DRAINING",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Self::MessageTooLarge { .. } | Self::MessageTooCostly { .. } => "MESSAGE_TOO_LARGE",
+            Self::OnlyRead => "NOT_SERVED",
             // Methods, compressions, services of health and symbols of reflection that there are not.
             Self::Transport(status) if matches!(status.code(), Code::Unimplemented | Code::NotFound) => "NOT_SERVED",
             Self::Transport(_) => "REQUEST_BROKEN_OFF",
@@ -280,6 +285,7 @@ impl Error {
         match self.code() {
             // It is the service that has too many, not this client.
             _ if matches!(self, Self::Overloaded { .. }) => http::StatusCode::SERVICE_UNAVAILABLE,
+            _ if matches!(self, Self::OnlyRead) => http::StatusCode::METHOD_NOT_ALLOWED,
             Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange => http::StatusCode::BAD_REQUEST,
             Code::Unauthenticated => http::StatusCode::UNAUTHORIZED,
             Code::PermissionDenied => http::StatusCode::FORBIDDEN,

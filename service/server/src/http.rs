@@ -16,7 +16,7 @@ use axum::Router;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequestParts, Path, RawQuery, Request, State};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
@@ -167,10 +167,6 @@ impl IntoResponse for HttpError {
     fn into_response(self) -> Response {
         in_json(&self.0)
     }
-}
-
-fn json_response(status: StatusCode, body: String) -> Response {
-    (status, [(header::CONTENT_TYPE, "application/json")], body).into_response()
 }
 
 /// A message as an answer, or that it has not changed.
@@ -451,8 +447,7 @@ async fn unknown_path(request: Request) -> HttpError {
 }
 
 async fn wrong_method() -> Response {
-    let status = tonic::Status::unimplemented("this path is only read: use GET or HEAD");
-    let mut response = json_response(StatusCode::METHOD_NOT_ALLOWED, json::status_to_string(&status));
+    let mut response = HttpError(Error::OnlyRead).into_response();
     response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET,HEAD"));
     response
 }

@@ -24,8 +24,8 @@ const ROUTES_HEAD: &str = "
 ## HTTP
 
 The port for dashboards, Prometheus, probes and the page (`http.listen`, 8080 where nothing else is configured). Every route of the table
-is only read, by GET and HEAD. Parameters are the fields of a request by their names in JSON; an unknown one is refused. Errors are
-`google.rpc.Status` in JSON with the fitting status code. Answers under `/v1` but the stream have an entity tag: with `If-None-Match` what has not
+is only read, by GET and HEAD. Parameters are the fields of a request by their names in JSON; under `/v1` an unknown one is refused, elsewhere
+parameters mean nothing. Errors are `google.rpc.Status` in JSON with the fitting status code and the details of the services. Answers under `/v1` but the stream have an entity tag: with `If-None-Match` what has not
 changed is answered by 304. `/v1/openapi.json` says the same for machines. Besides, the port answers the methods that its
 [page](shop-floor.md#the-page) calls, by gRPC-Web: with `CreateJob` and `UploadProgram` of a planner they create jobs and programs.
 

@@ -5,6 +5,7 @@ use super::{
     SpindleRequest,
 };
 use crate::rules::{Bounds, EscalationAction, Fallback, Property, Rules, SpindleRule};
+use crate::spectrum::LineOrigin;
 
 /// The decision that follows from the inputs.
 ///
@@ -99,12 +100,14 @@ fn feed_with_spindle(inputs: &Inputs, spindle: f64) -> (f64, Option<Bound>) {
     bounded(inputs.before.feed * (spindle / inputs.before.spindle), inputs.rules.feed_bounds)
 }
 
-/// The property that the rules judge; `None` where the window does not have it.
+/// The property that the rules judge; `None` where the window does not have it: noise has no frequency of vibration.
 fn property(rules: &Rules, properties: &Properties) -> Option<f64> {
     match rules.property {
         Property::Deviation => Some(properties.max_deviation),
         Property::VibrationAmplitude => properties.line.map(|line| line.amplitude),
-        Property::VibrationFrequency => properties.line.map(|line| line.frequency_hz),
+        Property::VibrationFrequency => {
+            properties.line.filter(|line| line.origin != LineOrigin::Noise).map(|line| line.frequency_hz)
+        }
     }
 }
 

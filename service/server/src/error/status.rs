@@ -156,6 +156,7 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         | Error::StoreUnavailable(_)
         | Error::CutOff
         | Error::DeadlineExceeded
+        | Error::OnlyRead
         | Error::Transport(_)
         | Error::JobCancelled { .. }
         | Error::TakenUp { .. }

@@ -48,6 +48,8 @@ pub(super) enum Objection {
     Axis { name: Cow<'static, str>, quantity: Quantity, rotary: bool, demanded: f64, permitted: f64 },
     /// The chip does not break everywhere.
     Unbroken { line: u32, feed_override: f64 },
+    /// The spindle turns at constant surface speed: no other speed can be tried.
+    SurfaceSpeed,
     /// Too many different blocks or curves for it to be known.
     Unknown,
 }
@@ -79,6 +81,9 @@ impl fmt::Display for Objection {
                 "the chip would not break in line {line} at a feed override of {} %",
                 decimal(100.0 * feed_override, 2)
             ),
+            Self::SurfaceSpeed => {
+                formatter.write_str("at constant surface speed (G96) the spindle has no speed of its own")
+            }
             Self::Unknown => formatter.write_str("the section has too many different blocks for it to be judged"),
         }
     }

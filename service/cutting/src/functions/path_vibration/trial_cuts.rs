@@ -230,8 +230,7 @@ impl TrialCuts {
 
     /// The cut that would be furthest from breaking with what arrives; `None` where nothing is cut, or it is not known.
     pub(super) fn worst(&self, tried: Tried, settings: &VibrationSettings) -> Option<TriedCut> {
-        let has_own_speed = || self.surface.is_empty() && !self.constant.iter().any(|cut| cut.at_surface_speed);
-        if self.is_incomplete || (tried.spindle_rev_per_min.is_some() && !has_own_speed()) {
+        if self.is_incomplete || self.has_other_speed(tried) {
             return None;
         }
         let VibrationCondition { frequency_hz, amplitude_mm } = tried.condition;
@@ -254,8 +253,15 @@ impl TrialCuts {
         constant.chain(surface).min_by(|a, b| a.margin.total_cmp(&b.margin))
     }
 
+    /// Whether a spindle speed is tried where the diameter says it.
+    fn has_other_speed(&self, tried: Tried) -> bool {
+        let is_of_diameter = || !self.surface.is_empty() || self.constant.iter().any(|cut| cut.at_surface_speed);
+        tried.spindle_rev_per_min.is_some() && is_of_diameter()
+    }
+
     pub(super) fn objection(&self, tried: Tried, settings: &VibrationSettings) -> Option<Objection> {
         match self.worst(tried, settings) {
+            None if self.has_other_speed(tried) => Some(Objection::SurfaceSpeed),
             None => Some(Objection::Unknown),
             Some(worst) if reaches_through(worst.margin) => None,
             Some(TriedCut { line, feed_override, .. }) => Some(Objection::Unbroken { line, feed_override }),

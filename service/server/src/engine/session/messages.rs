@@ -26,8 +26,10 @@ pub(super) fn check_size(batch: &proto::TelemetryBatch) -> Result<()> {
 
 /// The columns of a batch, as they came.
 pub(super) fn columns(batch: &proto::TelemetryBatch) -> Batch<'_> {
+    // What one sensor of a pair delivered says nothing without the other.
     fn pair(pair: &Option<proto::ChannelPair>) -> Option<Pair<'_>> {
-        pair.as_ref().map(|pair| Pair { x: &pair.x, y: &pair.y })
+        let delivered = pair.as_ref().filter(|pair| !pair.x.is_empty() && !pair.y.is_empty());
+        delivered.map(|pair| Pair { x: &pair.x, y: &pair.y })
     }
     fn column<T>(values: &[T]) -> Option<&[T]> {
         Some(values).filter(|values| !values.is_empty())
