@@ -1,6 +1,6 @@
 //! Sharp corners and tight fillets among blocks that are smoothed out together: chords of curves, and lines with small radii between them.
 
-use crate::common::{Block, Program, machine, within};
+use crate::common::{Path, Program, machine, within};
 use crate::sharp_corners::{Numbers, seconds, times_s, walk, worst_of_larger};
 use feedwave_motion::CornerSpeed;
 
@@ -15,46 +15,28 @@ fn edges(count: usize, chords: usize, chord_mm: f64, radius_mm: f64, turn_rad: f
 
 /// Lines with a tangent arc between two of them, which turns to one side or to both in turn.
 fn fillets(count: usize, line_mm: f64, radius_mm: f64, turn_rad: f64, is_one_sided: bool) -> Program {
-    let (mut at, mut heading) = ([0.0_f64; 3], 0.0_f64);
-    let mut blocks = Vec::new();
-    for index in 0..=count {
-        at[0] += line_mm * heading.cos();
-        at[1] += line_mm * heading.sin();
-        blocks.push(Block::Line(at));
-        if index < count {
-            let side = if is_one_sided || index % 2 == 0 { 1.0 } else { -1.0 };
-            let center = [at[0] - side * radius_mm * heading.sin(), at[1] + side * radius_mm * heading.cos()];
-            heading += side * turn_rad;
-            at[0] = center[0] + side * radius_mm * heading.sin();
-            at[1] = center[1] - side * radius_mm * heading.cos();
-            blocks.push(Block::Arc { end: at, center, sweep_rad: side * turn_rad });
-        }
+    let (mut path, mut heading_rad) = (Path::at([0.0; 3]), 0.0);
+    for index in 0..count {
+        let sweep_rad = if is_one_sided || index % 2 == 0 { turn_rad } else { -turn_rad };
+        path.ahead(heading_rad, line_mm);
+        path.turn(heading_rad, radius_mm, sweep_rad);
+        heading_rad += sweep_rad;
     }
-    Program { name: "fillets", start: [0.0; 3], blocks }
+    path.ahead(heading_rad, line_mm);
+    path.named("fillets")
 }
 
-/// Arcs, with a corner before some of them, and lines between them where they are to be.
-fn arcs(n: &mut Numbers, count: usize, has_lines: bool) -> Program {
-    let (mut at, mut heading) = ([0.0_f64; 3], 0.0_f64);
-    let mut blocks = Vec::new();
+/// Lines and tangent arcs.
+fn arcs(n: &mut Numbers, count: usize) -> Program {
+    let (mut path, mut heading_rad) = (Path::at([0.0; 3]), 0.0);
     for _ in 0..count {
-        if has_lines {
-            let line_mm = n.scale(0.3, 10.0);
-            at[0] += line_mm * heading.cos();
-            at[1] += line_mm * heading.sin();
-            blocks.push(Block::Line(at));
-        } else {
-            heading += [0.0, 0.0, 0.3, 1.5][(4.0 * n.next()) as usize];
-        }
+        path.ahead(heading_rad, n.scale(0.3, 10.0));
         let (radius_mm, turn_rad) = (n.scale(0.1, 15.0), n.within(0.1, 2.5));
-        let side = if n.next() < 0.5 { 1.0 } else { -1.0 };
-        let center = [at[0] - side * radius_mm * heading.sin(), at[1] + side * radius_mm * heading.cos()];
-        heading += side * turn_rad;
-        at[0] = center[0] + side * radius_mm * heading.sin();
-        at[1] = center[1] - side * radius_mm * heading.cos();
-        blocks.push(Block::Arc { end: at, center, sweep_rad: side * turn_rad });
+        let sweep_rad = if n.next() < 0.5 { turn_rad } else { -turn_rad };
+        path.turn(heading_rad, radius_mm, sweep_rad);
+        heading_rad += sweep_rad;
     }
-    Program { name: "arcs", start: [0.0; 3], blocks }
+    path.named("arcs")
 }
 
 pub(crate) fn all_edges(seed: u64) -> [Program; 2] {
@@ -69,7 +51,7 @@ pub(crate) fn all_fillets(seed: u64) -> [Program; 3] {
     let n = &mut Numbers(seed);
     let [one, both] = [true, false]
         .map(|is_one_sided| fillets(6, n.scale(0.5, 20.0), n.scale(0.01, 0.3), n.within(0.4, 3.0), is_one_sided));
-    [one, both, arcs(n, 8, true)]
+    [one, both, arcs(n, 8)]
 }
 
 #[test]

@@ -260,14 +260,15 @@ impl Program {
 pub const FEED_MM_PER_MIN: f64 = 60_000.0;
 
 /// A path under construction.
-struct Path {
+pub struct Path {
     start: Point,
     at: Point,
     blocks: Vec<Block>,
 }
 
 impl Path {
-    fn at(start: Point) -> Self {
+    /// Begins at this point.
+    pub fn at(start: Point) -> Self {
         Self { start, at: start, blocks: Vec::new() }
     }
 
@@ -279,13 +280,13 @@ impl Path {
     }
 
     /// A line of this length in XY.
-    fn ahead(&mut self, heading_rad: f64, length: f64) {
+    pub fn ahead(&mut self, heading_rad: f64, length: f64) {
         let (sin, cos) = sincos(heading_rad);
         self.line([self.at[0] + length * cos, self.at[1] + length * sin, self.at[2]]);
     }
 
     /// A tangent arc, to the left where `sweep_rad` is positive.
-    fn turn(&mut self, heading_rad: f64, radius: f64, sweep_rad: f64) {
+    pub fn turn(&mut self, heading_rad: f64, radius: f64, sweep_rad: f64) {
         let side = radius * sweep_rad.signum();
         let (sin, cos) = sincos(heading_rad);
         let center = [self.at[0] - side * sin, self.at[1] + side * cos];
@@ -295,7 +296,8 @@ impl Path {
         self.at = end;
     }
 
-    fn named(self, name: &'static str) -> Program {
+    /// The program of it.
+    pub fn named(self, name: &'static str) -> Program {
         Program { name, start: self.start, blocks: self.blocks }
     }
 }
